@@ -1,0 +1,137 @@
+"""The calibrated camera: pixels <-> rays under the full lens model, with derivatives. Pure NumPy.
+
+Camera frame of OpenCV: x right, y down, z forward. An integer pixel coordinate is a pixel's centre.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal, Self
+
+import numpy as np
+
+from circlepose import lens
+from circlepose._typing import FloatArray, frozen
+from circlepose.cone import factor_from_circle
+from circlepose.errors import CalibrationError
+
+LensModel = Literal["pinhole", "fisheye"]
+LENS_MODELS: tuple[LensModel, ...] = ("pinhole", "fisheye")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Camera:
+    """Intrinsics and lens model of one camera. Build it with `Camera.create`, which checks them."""
+
+    camera_matrix: FloatArray
+    """(3, 3) px, upper triangular, last row 0 0 1"""
+    dist_coeffs: FloatArray
+    """(n,) OpenCV's order; pinhole 0, 4, 5, 8, 12 or 14, fisheye 4"""
+    image_size: tuple[int, int] | None = None
+    """(width, height) px that the calibration holds for; None when the file does not say"""
+    model: LensModel = "pinhole"
+
+    @classmethod
+    def create(
+        cls,
+        camera_matrix: object,
+        dist_coeffs: object = (),
+        image_size: tuple[int, int] | None = None,
+        model: LensModel = "pinhole",
+    ) -> Self:
+        """Check the numbers and return the camera; raises `CalibrationError` on what cannot be a camera."""
+        try:
+            matrix = np.array(camera_matrix, dtype=np.float64)
+            coefficients = np.array(dist_coeffs, dtype=np.float64).ravel()
+        except (TypeError, ValueError) as error:
+            raise CalibrationError("camera_matrix, dist_coeffs: expected numbers.") from error
+        if model not in LENS_MODELS:
+            raise CalibrationError(f"model: expected one of {', '.join(LENS_MODELS)}, got {model!r}.")
+        _check_matrix(matrix)
+        _check_coefficients(coefficients, model)
+        if image_size is not None and min(image_size) < 1:
+            raise CalibrationError(f"image_size: expected a positive width and height, got {image_size}.")
+        return cls(frozen(matrix / matrix[2, 2]), frozen(coefficients), image_size, model)
+
+    def project(self, points: FloatArray) -> FloatArray:
+        """Project camera-frame `points` (..., 3) to pixels (..., 2); NaN behind or beyond the lens model."""
+        return self.project_with_jacobian(points)[0]
+
+    def project_with_jacobian(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Project camera-frame `points` (..., 3); returns pixels (..., 2) and d pixel / d point (..., 2, 3)."""
+        distort = lens.distort_fisheye if self.model == "fisheye" else lens.distort_pinhole
+        plane, jacobian = distort(points, self.dist_coeffs)
+        linear = self.camera_matrix[:2, :2]
+        return plane @ linear.T + self.camera_matrix[:2, 2], linear @ jacobian
+
+    def rays(self, pixels: FloatArray) -> FloatArray:
+        """Return the viewing rays (..., 3), unit length, of `pixels` (..., 2); NaN outside the lens model."""
+        centered = np.asarray(pixels, dtype=np.float64) - self.camera_matrix[:2, 2]
+        plane = centered @ np.linalg.inv(self.camera_matrix[:2, :2]).T
+        undistort = lens.undistort_fisheye if self.model == "fisheye" else lens.undistort_pinhole
+        return undistort(plane, self.dist_coeffs)
+
+    def rays_with_jacobian(self, pixels: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the unit rays (..., 3) of `pixels` (..., 2) and their derivative d ray / d pixel (..., 3, 2)."""
+        rays = self.rays(pixels)
+        _, jacobian = self.project_with_jacobian(rays)
+        # A pixel does not move when a point moves along its ray, so the pseudo-inverse is tangent to the sphere.
+        transposed = np.swapaxes(jacobian, -1, -2)
+        gram = jacobian @ transposed
+        a, b, d = gram[..., 0, 0], gram[..., 0, 1], gram[..., 1, 1]
+        adjugate = np.stack([np.stack([d, -b], axis=-1), np.stack([-b, a], axis=-1)], axis=-2)
+        return rays, transposed @ adjugate / (a * d - b * b)[..., None, None]
+
+    def scaled_to(self, image_size: tuple[int, int]) -> Self:
+        """Return the camera of the same lens whose images were resized to `image_size` (width, height).
+
+        Pixel centres are integers, so the image's corner is at -0.5: c' = (c + 0.5) s - 0.5.
+        """
+        if self.image_size is None:
+            raise CalibrationError(
+                "image_size: the calibration does not say its image size, so it cannot be scaled."
+            )
+        scale = np.array([image_size[0] / self.image_size[0], image_size[1] / self.image_size[1]])
+        matrix = self.camera_matrix.copy()
+        matrix[:2, :2] *= scale[:, None]
+        matrix[:2, 2] = (matrix[:2, 2] + 0.5) * scale - 0.5
+        return replace(self, camera_matrix=frozen(matrix), image_size=image_size)
+
+
+def circle_points(center: FloatArray, normal: FloatArray, radius: float, number: int = 360) -> FloatArray:
+    """Return `number` rim points (..., number, 3) of circles with `center` and `normal` (..., 3), in mm."""
+    angle = np.linspace(0.0, 2.0 * np.pi, number, endpoint=False)
+    unit = np.stack([np.cos(angle), np.sin(angle), np.ones(number)], axis=-1)
+    return np.einsum("...ij,kj->...ki", factor_from_circle(center, normal, radius), unit)
+
+
+def circle_contour(
+    camera: Camera, center: FloatArray, normal: FloatArray, radius: float, number: int = 360
+) -> FloatArray:
+    """Return the rim (..., number, 2) in the raw, distorted image; NaN where the camera cannot see."""
+    return camera.project(circle_points(center, normal, radius, number))
+
+
+def _check_matrix(matrix: FloatArray) -> None:
+    if matrix.shape != (3, 3):
+        raise CalibrationError(f"camera_matrix: expected 3 x 3 numbers, got shape {matrix.shape}.")
+    if not np.all(np.isfinite(matrix)):
+        raise CalibrationError("camera_matrix: has entries that are not finite numbers.")
+    if matrix[2, 2] == 0.0 or np.any(matrix[2, :2] != 0.0) or matrix[1, 0] != 0.0:
+        raise CalibrationError("camera_matrix: expected [[fx, s, cx], [0, fy, cy], [0, 0, 1]].")
+    if matrix[0, 0] / matrix[2, 2] <= 0.0 or matrix[1, 1] / matrix[2, 2] <= 0.0:
+        raise CalibrationError(
+            f"camera_matrix: is singular or mirrored; focal lengths fx and fy must be positive px, "
+            f"got {matrix[0, 0]:g} and {matrix[1, 1]:g}."
+        )
+
+
+def _check_coefficients(coefficients: FloatArray, model: LensModel) -> None:
+    allowed = lens.PINHOLE_COUNTS if model == "pinhole" else (lens.FISHEYE_COUNT,)
+    if len(coefficients) not in allowed:
+        counts = ", ".join(str(n) for n in allowed)
+        raise CalibrationError(
+            f"dist_coeffs: a {model} camera has {counts} coefficients, got {len(coefficients)}."
+        )
+    if not np.all(np.isfinite(coefficients)):
+        raise CalibrationError("dist_coeffs: has entries that are not finite numbers.")

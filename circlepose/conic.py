@@ -1,0 +1,180 @@
+"""Conics and ellipses in a plane: matrices, parameters, polars, duals and distances. Pure NumPy.
+
+A conic is a symmetric matrix `C`, shape (..., 3, 3), defined up to scale: the point `x = (x, y, 1)`
+is on it when `x' C x = 0`. All functions take leading batch axes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from circlepose._typing import BoolArray, FloatArray
+from circlepose.errors import ArgumentError
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ellipse:
+    """An ellipse, or a batch of them, in the unit of the plane (px for images).
+
+    `semi_minor` may be 0: the image of a circle seen edge-on is a segment.
+    """
+
+    center: FloatArray
+    """(..., 2)"""
+    semi_major: FloatArray
+    """(...)"""
+    semi_minor: FloatArray
+    """(...)"""
+    angle: FloatArray
+    """(...) rad, from the x axis towards the y axis to the major axis, in (-pi/2, pi/2]"""
+
+    @classmethod
+    def from_axes(cls, center: object, semi_axes: object, angle: object) -> Self:
+        """Build from `center` (..., 2), `semi_axes` (..., 2) in either order and the `angle` of the first (rad)."""
+        center_ = np.asarray(center, dtype=np.float64)
+        axes = np.asarray(semi_axes, dtype=np.float64)
+        angle_ = np.asarray(angle, dtype=np.float64)
+        if np.any(axes < 0.0):
+            raise ArgumentError("semi_axes: expected lengths that are not negative.")
+        swap = axes[..., 1] > axes[..., 0]
+        return cls(
+            center=center_,
+            semi_major=np.max(axes, axis=-1),
+            semi_minor=np.min(axes, axis=-1),
+            angle=wrap_half_turn(np.where(swap, angle_ + np.pi / 2.0, angle_)),
+        )
+
+    @property
+    def factor(self) -> FloatArray:
+        """Matrix `A`, shape (..., 3, 3), with the points `A (cos p, sin p, 1)` on the ellipse.
+
+        Its columns are the semi-major axis, the semi-minor axis and the centre, homogeneous. Unlike the
+        conic's matrix it stays meaningful, and well conditioned, for a segment (`semi_minor` 0).
+        """
+        cos, sin = np.cos(self.angle), np.sin(self.angle)
+        zero, one = np.zeros_like(cos), np.ones_like(cos)
+        major = np.stack([self.semi_major * cos, self.semi_major * sin, zero], axis=-1)
+        minor = np.stack([-self.semi_minor * sin, self.semi_minor * cos, zero], axis=-1)
+        center = np.stack([self.center[..., 0] * one, self.center[..., 1] * one, one], axis=-1)
+        return np.stack([major, minor, center], axis=-1)
+
+    def points(self, number: int = 180) -> FloatArray:
+        """Return `number` points of the rim, shape (..., number, 2), evenly spaced in the eccentric angle."""
+        eccentric = np.linspace(0.0, 2.0 * np.pi, number, endpoint=False)
+        unit = np.stack([np.cos(eccentric), np.sin(eccentric), np.ones(number)], axis=-1)
+        return np.einsum("...ij,kj->...ki", self.factor, unit)[..., :2]
+
+
+def wrap_half_turn(angle: FloatArray) -> FloatArray:
+    """Bring the direction of an undirected line (rad) into (-pi/2, pi/2]."""
+    wrapped = np.mod(angle + np.pi / 2.0, np.pi) - np.pi / 2.0
+    return np.where(wrapped <= -np.pi / 2.0, np.pi / 2.0, wrapped)
+
+
+def conic_from_ellipse(ellipse: Ellipse) -> FloatArray:
+    """Return the conic (..., 3, 3) of a proper ellipse: negative inside, scaled so that F = -1 at the centre."""
+    if np.any(ellipse.semi_minor <= 0.0):
+        raise ArgumentError("ellipse: a segment (semi_minor 0) has no conic; use its factor or its dual.")
+    inverse = np.linalg.inv(ellipse.factor)
+    return np.swapaxes(inverse, -1, -2) @ (np.array([1.0, 1.0, -1.0])[:, None] * inverse)
+
+
+def is_ellipse(conic: FloatArray) -> BoolArray:
+    """Tell, shape (...), whether `conic` (..., 3, 3) is a real, non-degenerate ellipse."""
+    c = np.asarray(conic, dtype=np.float64)
+    minor = c[..., 0, 0] * c[..., 1, 1] - c[..., 0, 1] ** 2
+    trace = c[..., 0, 0] + c[..., 1, 1]
+    return np.asarray((minor > 0.0) & (trace * np.linalg.det(c) < 0.0), dtype=np.bool_)
+
+
+def ellipse_from_conic(conic: FloatArray) -> Ellipse:
+    """Return centre, semi-axes and angle of `conic` (..., 3, 3).
+
+    Raises
+    ------
+    ArgumentError
+        When a conic is no real ellipse; ask `is_ellipse` first where that can happen.
+    """
+    c = np.asarray(conic, dtype=np.float64)
+    if not np.all(is_ellipse(c)):
+        raise ArgumentError("conic: expected a real ellipse.")
+    quadratic = c[..., :2, :2]
+    linear = c[..., :2, 2]
+    center = -np.linalg.solve(quadratic, linear[..., None])[..., 0]
+    at_center = c[..., 2, 2] + np.einsum("...i,...i->...", linear, center)
+    eigenvalues, eigenvectors = np.linalg.eigh(quadratic / -at_center[..., None, None])
+    # Both eigenvalues are positive now: 1/semi_axis^2, ascending, so the first belongs to the major axis.
+    semi_axes = 1.0 / np.sqrt(eigenvalues)
+    major = eigenvectors[..., :, 0]
+    return Ellipse.from_axes(center, semi_axes, np.arctan2(major[..., 1], major[..., 0]))
+
+
+def polar(conic: FloatArray, point: FloatArray) -> FloatArray:
+    """Return the polar line (..., 3) of a homogeneous `point` (..., 3): l = C x (Fu & Zhou, section 2.2)."""
+    return np.einsum("...ij,...j->...i", conic, point)
+
+
+def pole(conic: FloatArray, line: FloatArray) -> FloatArray:
+    """Return the pole (..., 3), homogeneous, of a `line` (..., 3): the inverse of `polar`."""
+    return polar(dual(conic), line)
+
+
+def dual(conic: FloatArray) -> FloatArray:
+    """Return the dual conic (..., 3, 3), the adjugate: a line l touches the conic when l' C* l = 0."""
+    c = np.asarray(conic, dtype=np.float64)
+    rows = np.stack(
+        [
+            np.cross(c[..., 1, :], c[..., 2, :]),
+            np.cross(c[..., 2, :], c[..., 0, :]),
+            np.cross(c[..., 0, :], c[..., 1, :]),
+        ],
+        axis=-1,
+    )
+    return rows
+
+
+def transform_conic(conic: FloatArray, homography: FloatArray) -> FloatArray:
+    """Return the conic of the points `H x`: H^-T C H^-1, for `homography` (..., 3, 3)."""
+    inverse = np.linalg.inv(homography)
+    return np.swapaxes(inverse, -1, -2) @ conic @ inverse
+
+
+def sampson_distance(conic: FloatArray, points: FloatArray) -> FloatArray:
+    """Return the first-order signed distance (..., n) of `points` (..., n, 2), positive where x'Cx is."""
+    homogeneous = np.concatenate([points, np.ones_like(points[..., :1])], axis=-1)
+    lines = np.einsum("...ij,...nj->...ni", conic, homogeneous)
+    value = np.einsum("...ni,...ni->...n", homogeneous, lines)
+    gradient = 2.0 * np.hypot(lines[..., 0], lines[..., 1])
+    return value / np.maximum(gradient, np.finfo(np.float64).tiny)
+
+
+def signed_distance(ellipse: Ellipse, points: FloatArray) -> FloatArray:
+    """Return the exact signed distance (..., n) of `points` (..., n, 2) to the rim, negative inside.
+
+    The nearest rim point of (p, q), folded into the first quadrant, is (a^2 p/(t + a^2), b^2 q/(t + b^2)),
+    with t the largest root of (a p/(t + a^2))^2 + (b q/(t + b^2))^2 = 1. That function is convex and falling,
+    so Newton's iteration from its left climbs to the root without overshooting.
+    """
+    a = np.asarray(ellipse.semi_major, dtype=np.float64)[..., None]
+    # A floor far below any pixel keeps segments and points on the major axis off the poles.
+    floor = 1e-12 * a
+    b = np.maximum(np.asarray(ellipse.semi_minor, dtype=np.float64)[..., None], floor)
+    offset = np.asarray(points, dtype=np.float64) - ellipse.center[..., None, :]
+    cos, sin = np.cos(ellipse.angle)[..., None], np.sin(ellipse.angle)[..., None]
+    p = np.abs(cos * offset[..., 0] + sin * offset[..., 1])
+    q = np.maximum(np.abs(cos * offset[..., 1] - sin * offset[..., 0]), floor)
+    t = np.maximum(b * q - b**2, a * p - a**2)
+    for _ in range(60):
+        x, y = a * p / (t + a**2), b * q / (t + b**2)
+        value = x**2 + y**2 - 1.0
+        slope = 2.0 * (x**2 / (t + a**2) + y**2 / (t + b**2))
+        step = value / slope
+        t = t + step
+        if np.all(np.abs(step) <= 1e-15 * (np.abs(t) + a**2)):
+            break
+    distance = np.hypot(p - a**2 * p / (t + a**2), q - b**2 * q / (t + b**2))
+    inside = (p / a) ** 2 + (q / b) ** 2 < 1.0
+    return np.where(inside, -distance, distance)

@@ -1,0 +1,1 @@
+"""From two candidate poses to one, where something in the scene tells."""

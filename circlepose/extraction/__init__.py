@@ -1,0 +1,1 @@
+"""From an image to the contours that may be circles' images."""

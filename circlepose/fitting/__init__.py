@@ -1,0 +1,1 @@
+"""From a contour to the ellipse, or the viewing cone, that fits it."""

@@ -1,0 +1,119 @@
+"""Results: candidate poses, circles and images, and the registry of statuses and flags."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+from circlepose._typing import FloatArray
+from circlepose.cone import ConeKind
+from circlepose.conic import Ellipse
+
+
+class Status(StrEnum):
+    """Why an image or a circle has, or has not, a pose. The text of each is in `STATUS_MEANING`."""
+
+    OK = "ok"
+    UNREADABLE = "unreadable"
+    NOT_AN_IMAGE = "not_an_image"
+    TRUNCATED_IMAGE = "truncated_image"
+    SIZE_MISMATCH = "size_mismatch"
+    NO_CIRCLE = "no_circle"
+    TOO_FEW_CIRCLES = "too_few_circles"
+    NO_POSE = "no_pose"
+
+
+STATUS_MEANING: Mapping[Status, str] = {
+    Status.OK: "measured",
+    Status.UNREADABLE: "the file is missing or cannot be opened",
+    Status.NOT_AN_IMAGE: "the file is no image of a known format",
+    Status.TRUNCATED_IMAGE: "the image file ends early",
+    Status.SIZE_MISMATCH: "the image's size is not the calibration's",
+    Status.NO_CIRCLE: "nothing in the image is the image of the target",
+    Status.TOO_FEW_CIRCLES: "fewer targets were found than were asked for; this row stands for those missing",
+    Status.NO_POSE: "the contour was found but has no pose by this method",
+}
+
+
+class Flag(StrEnum):
+    """Remarks on a pose that stands. The text of each is in `FLAG_MEANING`."""
+
+    AMBIGUOUS = "ambiguous"
+    LONE_CIRCLE = "lone_circle"
+    NEAR_RIGHT = "near_right"
+    NEAR_DEGENERATE = "near_degenerate"
+    POOR_FIT = "poor_fit"
+
+
+FLAG_MEANING: Mapping[Flag, str] = {
+    Flag.AMBIGUOUS: "nothing in the image tells which candidate is right; ambiguity is 0.5",
+    Flag.LONE_CIRCLE: "only one circle of a ring target was found; its pose is that of a lone circle",
+    Flag.NEAR_RIGHT: "seen almost along its axis; the tilt is ill-determined, the two candidates nearly agree",
+    Flag.NEAR_DEGENERATE: "seen almost edge-on; the image is a sliver",
+    Flag.POOR_FIT: "the contour departs from the fitted ellipse by more than edge noise explains",
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Candidate:
+    """One possible pose of a circle, in the camera frame."""
+
+    center: FloatArray
+    """(3,) mm"""
+    normal: FloatArray
+    """(3,) unit vector towards the camera: normal . center <= 0"""
+    imaged_center: FloatArray
+    """(2,) px, raw distorted image: where the circle's centre is seen (not the ellipse's centre)"""
+    generatrix_mm: float | None = None
+    """coaxial targets: rim to rim distance with the other circle's paired candidate"""
+    covariance: FloatArray | None = None
+    """(5, 5) of centre (mm^2) and two tilts (rad^2), or None where none can be vouched for"""
+    position_difference_mm: float | None = None
+    """distance of the centre from Chen & Huang's, where several methods were run"""
+    orientation_difference_deg: float | None = None
+    """angle of the normal to Chen & Huang's, where several methods were run"""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CircleResult:
+    """One circle of one target in one image, measured by one method."""
+
+    instance: int
+    """number of the target in the image, from 0"""
+    circle: str
+    """name of the circle in the target: disc; outer, inner, ring2 ...; big, small"""
+    method: str
+    radius_mm: float
+    candidates: tuple[Candidate, ...] = ()
+    """one or two, the better first; empty unless the status is ok"""
+    chosen: int = 0
+    """index of the candidate to use"""
+    ambiguity: float = 0.5
+    """probability that the chosen candidate is the wrong one"""
+    cone: ConeKind | None = None
+    ellipse: Ellipse | None = None
+    """of the rim in the raw distorted image, px"""
+    residual_px: float | None = None
+    """rms distance of the contour from the fitted rim, px"""
+    contour: FloatArray | None = None
+    """(n, 2) px, the contour in use"""
+    flags: tuple[Flag, ...] = ()
+    status: Status = Status.OK
+    reason: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ImageResult:
+    """All that was measured in one image, or why nothing was."""
+
+    image: str
+    """name under which the image is reported"""
+    status: Status = Status.OK
+    reason: str = ""
+    """one sentence for a person; empty when the status is ok"""
+    circles: tuple[CircleResult, ...] = ()
+    image_size: tuple[int, int] | None = None
+    """(width, height) px"""
+    rejected: Mapping[str, int] = field(default_factory=dict)
+    """how many contours were not used, by reason"""

@@ -1,0 +1,140 @@
+"""What is looked for: one circle, coplanar rings or coaxial rings, and how large they may appear."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+from circlepose.errors import TargetError
+
+Kind = Literal["circle", "coplanar", "coaxial"]
+Polarity = Literal["any", "dark", "bright"]
+KINDS: tuple[Kind, ...] = ("circle", "coplanar", "coaxial")
+POLARITIES: tuple[Polarity, ...] = ("any", "dark", "bright")
+
+
+@dataclass(frozen=True, slots=True)
+class AxisIntervals:
+    """Accepted full lengths (not halves) of an image ellipse's axes, in px; None leaves that axis free."""
+
+    major_px: tuple[float, float] | None = None
+    minor_px: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        for name, interval in (("major", self.major_px), ("minor", self.minor_px)):
+            if interval is not None:
+                _check_interval(f"axis_intervals_px.{name}", interval, "px", lowest_allowed=0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """A target: its circles' radii (mm, largest first) and what is known of its looks.
+
+    Parameters
+    ----------
+    kind
+        `circle` (one radius), `coplanar` (two or more concentric rings in one plane) or `coaxial`
+        (two circles on one axis in different planes).
+    radii_mm
+        Radii, strictly decreasing.
+    generatrix_mm
+        Coaxial only: rim to rim distance in the plane of symmetry, sqrt(height^2 + (R - r)^2).
+    count
+        Targets per image; None for all that are there.
+    polarity
+        `dark`: the disc is darker than its surroundings; `bright`: brighter; `any`.
+    axis_intervals
+        Accepted axes of the (largest) circle's image.
+    depth_range_mm
+        Nearest and farthest distance of the centre from the camera.
+    """
+
+    kind: Kind
+    radii_mm: tuple[float, ...]
+    generatrix_mm: float | None = None
+    count: int | None = 1
+    polarity: Polarity = "any"
+    axis_intervals: AxisIntervals | None = None
+    depth_range_mm: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS:
+            raise TargetError(f"kind: expected one of {', '.join(KINDS)}, got {self.kind!r}.")
+        if self.polarity not in POLARITIES:
+            raise TargetError(f"polarity: expected one of {', '.join(POLARITIES)}, got {self.polarity!r}.")
+        self._check_radii()
+        self._check_generatrix()
+        if self.count is not None and self.count < 1:
+            raise TargetError(f"count: expected a whole number of at least 1 or 'all', got {self.count}.")
+        if self.depth_range_mm is not None:
+            _check_interval("depth_range_mm", self.depth_range_mm, "mm", lowest_allowed=0.0)
+
+    @classmethod
+    def circle(
+        cls,
+        radius_mm: float,
+        *,
+        count: int | None = 1,
+        polarity: Polarity = "any",
+        axis_intervals: AxisIntervals | None = None,
+        depth_range_mm: tuple[float, float] | None = None,
+    ) -> Target:
+        """Return the target of one circle of `radius_mm`."""
+        return cls(
+            kind="circle",
+            radii_mm=(float(radius_mm),),
+            count=count,
+            polarity=polarity,
+            axis_intervals=axis_intervals,
+            depth_range_mm=depth_range_mm,
+        )
+
+    @property
+    def circle_names(self) -> tuple[str, ...]:
+        """Names of the circles in the order of `radii_mm`, as in the table's `circle` column."""
+        if self.kind == "circle":
+            return ("disc",)
+        if self.kind == "coaxial":
+            return ("big", "small")
+        return ("outer", "inner", *(f"ring{i}" for i in range(2, len(self.radii_mm))))
+
+    def _check_radii(self) -> None:
+        key = "radius_mm" if self.kind == "circle" else "radii_mm"
+        for radius in self.radii_mm:
+            if not (math.isfinite(radius) and radius > 0.0):
+                raise TargetError(
+                    f"{key}: expected a positive radius in mm (not a diameter), got {radius:g}."
+                )
+        wanted = {"circle": "one radius", "coplanar": "two or more radii", "coaxial": "two radii"}[self.kind]
+        number = len(self.radii_mm)
+        enough = {"circle": number == 1, "coplanar": number >= 2, "coaxial": number == 2}[self.kind]
+        if not enough:
+            raise TargetError(f"{key}: a target of kind {self.kind} has {wanted}, got {number}.")
+        if any(a <= b for a, b in zip(self.radii_mm, self.radii_mm[1:], strict=False)):
+            order = ", ".join(f"{r:g}" for r in self.radii_mm)
+            raise TargetError(
+                f"{key}: expected the outer radius first and each next one smaller, got [{order}]; "
+                "inner and outer may be swapped or equal."
+            )
+
+    def _check_generatrix(self) -> None:
+        if self.generatrix_mm is None:
+            return
+        if self.kind != "coaxial":
+            raise TargetError(f"generatrix_mm: only a coaxial target has one, this one is {self.kind}.")
+        shortest = self.radii_mm[0] - self.radii_mm[1]
+        if not (math.isfinite(self.generatrix_mm) and self.generatrix_mm > shortest):
+            raise TargetError(
+                f"generatrix_mm: must be longer than the difference of the radii ({shortest:g} mm), "
+                f"got {self.generatrix_mm:g}."
+            )
+
+
+def _check_interval(key: str, interval: tuple[float, float], unit: str, lowest_allowed: float) -> None:
+    low, high = interval
+    if not (math.isfinite(low) and math.isfinite(high) and lowest_allowed <= low < high):
+        raise TargetError(
+            f"{key}: expected [smallest, largest] in {unit} with {lowest_allowed:g} <= smallest < largest, "
+            f"got [{low:g}, {high:g}]."
+        )
