@@ -110,23 +110,26 @@ def factor_from_cone(cone: FloatArray) -> FloatArray:
 def principal_frame(factor: FloatArray) -> PrincipalFrame:
     """Return the principal frame of the cone with `factor` (..., 3, 3).
 
-    The eigenvalues of the dual cone are, up to scale, s^2, t^2 and -1 on u, v and w. The small one is taken
-    from the determinant, which a product of columns gives to full relative precision where the eigenvalue
-    itself would drown in rounding (views close to edge-on).
+    The eigenvalues of the dual cone are, up to scale, s^2, t^2 and -1 on u, v and w. A first decomposition
+    gives the axis w; a second, of the 2 x 2 block across it, keeps the relative precision of s^2 and t^2,
+    which are small beside 1. Close to edge-on t^2 drowns in rounding all the same and is taken from the
+    determinant, the product of the three, which the factor gives to full relative precision.
     """
     a = np.asarray(factor, dtype=np.float64)
-    # Balance the columns: only the directions and the ratio of their lengths matter.
     a = a / np.linalg.norm(a[..., :, 2], axis=-1)[..., None, None]
-    eigenvalues, vectors = np.linalg.eigh(dual_cone(a))
-    axial, largest = -eigenvalues[..., 0], eigenvalues[..., 2]
-    s2 = largest / axial
-    t2_from_determinant = np.linalg.det(a) ** 2 / (largest * axial**2)
-    # Near a right cone the eigenvalues themselves are the more precise, and keep t <= s.
-    t2_from_eigenvalue = np.maximum(eigenvalues[..., 1] / axial, 0.0)
-    t2 = np.where(t2_from_eigenvalue < 1e-3 * s2, t2_from_determinant, t2_from_eigenvalue)
-    u, w = vectors[..., :, 2], vectors[..., :, 0]
+    _, vectors = np.linalg.eigh(dual_cone(a))
+    w = vectors[..., :, 0]
     # The cone that is meant is the half on the side of its own centre ray.
     w = w * np.where(np.einsum("...i,...i->...", w, a[..., :, 2]) < 0.0, -1.0, 1.0)[..., None]
+    across = vectors[..., :, 1:]
+    block = dual_cone(np.swapaxes(np.concatenate([across, w[..., None]], axis=-1), -1, -2) @ a)
+    axial = -block[..., 2, 2]
+    values, turn = np.linalg.eigh(block[..., :2, :2])
+    s2 = values[..., 1] / axial
+    t2_from_determinant = np.linalg.det(a) ** 2 / (values[..., 1] * axial**2)
+    t2_from_eigenvalue = np.maximum(values[..., 0] / axial, 0.0)
+    t2 = np.where(t2_from_eigenvalue < 1e-3 * s2, t2_from_determinant, t2_from_eigenvalue)
+    u = (across @ turn[..., :, 1:])[..., 0]
     v = np.cross(w, u)
     return PrincipalFrame(
         rotation=np.stack([u, v, w], axis=-1),

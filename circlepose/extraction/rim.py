@@ -1,0 +1,124 @@
+"""A predicted rim -> the edge along it, to sub-pixel, on grey profiles across it. Many rims at once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from circlepose._typing import BoolArray, FloatArray, Image
+from circlepose.conic import Ellipse
+
+_STEP_PX = 0.5
+_DIFFERENCE_VARIANCE = 1.0 / 12.0
+"""px^2 that differencing over 1 px adds to the spread of the gradient along a profile."""
+_HALF_WINDOW = 4
+"""Steps on either side of the steepest point over which the gradient's centroid is taken: 2 px."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RimEdges:
+    """Edges found along m rims, k places each."""
+
+    points: FloatArray
+    """(m, k, 2) px, sub-pixel; arbitrary where not valid"""
+    offset_px: FloatArray
+    """(m, k) from the predicted rim, positive outwards"""
+    step: FloatArray
+    """(m, k) grey levels, outside minus inside"""
+    valid: BoolArray
+    """(m, k) an edge of the rim's own sign stands here, inside the image and well within the reach"""
+    polarity: FloatArray
+    """(m,) +1 the inside is darker, -1 it is brighter"""
+
+
+def ellipse_rim(ellipse: Ellipse, number: int) -> tuple[FloatArray, FloatArray]:
+    """Return `number` rim points (m, number, 2) of m ellipses and the outward unit normals there."""
+    points = ellipse.points(number)
+    eccentric = np.linspace(0.0, 2.0 * np.pi, number, endpoint=False)
+    along = np.cos(eccentric) * ellipse.semi_minor[..., None]
+    across = np.sin(eccentric) * ellipse.semi_major[..., None]
+    cos, sin = np.cos(ellipse.angle)[..., None], np.sin(ellipse.angle)[..., None]
+    normals = np.stack([cos * along - sin * across, sin * along + cos * across], axis=-1)
+    return points, normals / np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-12)
+
+
+def contour_normals(points: FloatArray) -> FloatArray:
+    """Return the outward unit normals (m, k, 2) of closed, densely sampled convex contours (m, k, 2)."""
+    tangent = np.roll(points, -1, axis=1) - np.roll(points, 1, axis=1)
+    normals = np.stack([tangent[..., 1], -tangent[..., 0]], axis=-1)
+    outward = np.sum(normals * (points - points.mean(axis=1, keepdims=True)), axis=(1, 2))
+    normals = normals * np.where(outward < 0.0, -1.0, 1.0)[:, None, None]
+    return normals / np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-12)
+
+
+def locate_edges(grey: Image, points: FloatArray, normals: FloatArray, reach_px: FloatArray) -> RimEdges:
+    """Find the edge near each predicted rim point.
+
+    Parameters
+    ----------
+    grey
+        (h, w) levels.
+    points, normals
+        (m, k, 2) predicted rim, px, and its outward unit normals.
+    reach_px
+        (m,) how far from the predicted rim the edge may be.
+
+    The edge is the centroid of the gradient of the rim's sign within 2 px of its steepest place: for a
+    symmetric blur that is where the step was, but for the inward shift (variance of the blur) * curvature / 2
+    of a curved edge, which is put back. Gradients of the other sign, a neighbour's edge, count nothing.
+    """
+    steps = int(np.ceil(float(np.max(reach_px)) / _STEP_PX)) + 1
+    t = _STEP_PX * np.arange(-steps, steps + 1)
+    where = points[:, :, None, :] + t[:, None] * normals[:, :, None, :]
+    profile, inside = sample(grey, where)
+    gradient = (profile[..., 2:] - profile[..., :-2]) / (2.0 * _STEP_PX)
+    t = t[1:-1]
+    near = np.clip(1.0 - np.abs(t) / (reach_px[:, None] + _STEP_PX), 0.0, None)
+    polarity = np.where(np.einsum("mkt,mt->m", gradient, near) < 0.0, -1.0, 1.0)
+    rising = np.maximum(gradient * polarity[:, None, None], 0.0)
+    # Ties and noise are settled in favour of the predicted place.
+    peak = np.argmax(rising * (0.25 + near[:, None, :]) * (near[:, None, :] > 0.0), axis=-1)
+    center = t[peak]
+    half = _HALF_WINDOW * _STEP_PX
+    for _ in range(2):
+        # The window's ends count in part, so that it can move by less than a step.
+        window = np.clip((half - np.abs(t - center[..., None])) / _STEP_PX + 0.5, 0.0, 1.0) * rising
+        mass = window.sum(axis=-1)
+        center = np.where(mass > 0.0, (window * t).sum(axis=-1) / np.maximum(mass, 1e-12), center)
+    variance = (window * (t - center[..., None]) ** 2).sum(axis=-1) / np.maximum(mass, 1e-12)
+    blur = np.maximum(np.median(variance, axis=1, keepdims=True) - _DIFFERENCE_VARIANCE, 0.0)
+    center = center + 0.5 * blur * _curvature(points, normals)
+    step = mass * _STEP_PX
+    typical = np.median(step, axis=1, keepdims=True)
+    valid = inside.all(axis=-1) & (step > 0.35 * typical) & (step > 0.0) & (np.abs(center) <= reach_px[:, None])
+    return RimEdges(
+        points=points + center[..., None] * normals,
+        offset_px=center,
+        step=step * polarity[:, None],
+        valid=valid,
+        polarity=polarity,
+    )
+
+
+def _curvature(points: FloatArray, normals: FloatArray) -> FloatArray:
+    """Return the curvature (m, k), 1/px, of closed contours from their points and normals (m, k, 2)."""
+    chord = np.roll(points, -1, axis=1) - np.roll(points, 1, axis=1)
+    turning = np.roll(normals, -1, axis=1) - np.roll(normals, 1, axis=1)
+    return np.sum(chord * turning, axis=-1) / np.maximum(np.sum(chord**2, axis=-1), 1e-12)
+
+
+def sample(grey: Image, where: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Return the bilinear level at `where` (..., 2) px and whether that lies inside the image (...)."""
+    height, width = grey.shape
+    x, y = where[..., 0], where[..., 1]
+    inside = (x >= 0.0) & (x <= width - 1.0) & (y >= 0.0) & (y <= height - 1.0)
+    x0 = np.clip(np.nan_to_num(x), 0.0, width - 1.000001).astype(np.int32)
+    y0 = np.clip(np.nan_to_num(y), 0.0, height - 1.000001).astype(np.int32)
+    fx, fy = (x - x0).astype(np.float32), (y - y0).astype(np.float32)
+    flat = np.ascontiguousarray(grey).reshape(-1)
+    index = y0 * width + x0
+    right, below = (1 if width > 1 else 0), (width if height > 1 else 0)
+    top = flat[index] * (1.0 - fx) + flat[index + right] * fx
+    bottom = flat[index + below] * (1.0 - fx) + flat[index + below + right] * fx
+    return np.where(inside, top * (1.0 - fy) + bottom * fy, 0.0).astype(np.float64), inside

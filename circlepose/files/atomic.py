@@ -1,0 +1,70 @@
+"""Files that appear whole or not at all: written beside the place they are meant for, then renamed."""
+
+from __future__ import annotations
+
+import errno
+import os
+import secrets
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager
+from pathlib import Path
+from typing import IO, Any, BinaryIO, Literal, TextIO, overload
+
+from circlepose.errors import OutputError
+
+_STORAGE_FAILS = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}
+
+
+@overload
+def atomic_writer(
+    path: str | os.PathLike[str], *, binary: Literal[False] = False
+) -> AbstractContextManager[TextIO]: ...
+@overload
+def atomic_writer(path: str | os.PathLike[str], *, binary: Literal[True]) -> AbstractContextManager[BinaryIO]: ...
+def atomic_writer(path: str | os.PathLike[str], *, binary: bool = False) -> AbstractContextManager[IO[Any]]:
+    r"""Return a context manager that yields a handle (UTF-8 text, `\n` kept as written, or binary) for `path`.
+
+    The file takes its place when the block ends; if the block raises, what stood there before is untouched.
+    A device or a pipe (`/dev/null`, `/dev/stdout`) is written to directly. Names that are not UTF-8 pass
+    through text as `os.fsdecode` gives them. Raises `OutputError` when the folder is missing, not writable or full.
+    """
+    place = Path(os.path.realpath(path))
+    return _direct(place, binary) if place.exists() and not place.is_file() else _renamed(place, binary)
+
+
+@contextmanager
+def _renamed(place: Path, binary: bool) -> Iterator[IO[Any]]:
+    temporary = place.with_name(f".circlepose-{secrets.token_hex(8)}.part")
+    try:
+        handle = _opened(temporary, place, binary, "x")
+        with handle:
+            yield handle
+            handle.flush()
+            os.fsync(handle.fileno())
+        temporary.replace(place)
+    except OSError as reason:
+        if reason.errno in _STORAGE_FAILS or reason.filename in (str(temporary), str(place)):
+            raise OutputError(f"{place}: cannot be written ({reason.strerror}).") from None
+        raise
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def _direct(place: Path, binary: bool) -> Iterator[IO[Any]]:
+    with _opened(place, place, binary, "w") as handle:
+        yield handle
+
+
+def _opened(file: Path, place: Path, binary: bool, mode: str) -> IO[Any]:
+    try:
+        if binary:
+            return file.open(mode + "b")
+        return file.open(mode, encoding="utf-8", errors="surrogateescape", newline="")
+    except FileNotFoundError:
+        raise OutputError(f"{place}: the folder {place.parent} does not exist; make it first.") from None
+    except IsADirectoryError:
+        raise OutputError(f"{place}: is a folder; give the name of a file.") from None
+    except (OSError, ValueError) as reason:
+        why = getattr(reason, "strerror", None) or reason
+        raise OutputError(f"{place}: cannot be written ({why}).") from None

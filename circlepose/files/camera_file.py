@@ -1,0 +1,121 @@
+"""Calibration files -> `Camera`, whatever tool wrote them; the form is told by the content, not by the name.
+
+All these forms share OpenCV's convention: an integer pixel coordinate is a pixel's centre.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+from circlepose.camera import Camera
+from circlepose.errors import CalibrationError
+from circlepose.files import kalibr_camera, opencv_camera, own_camera, ros_camera
+from circlepose.files.atomic import atomic_writer
+from circlepose.files.opencv_storage import parse_storage, storage_text
+from circlepose.files.source import Source, read_source
+
+_Entries = Mapping[str, object]
+_Reader = Callable[[_Entries, str, str | None], tuple[Camera, tuple[str, ...]]]
+
+
+class _Form(NamedTuple):
+    name: str
+    recognises: Callable[[_Entries], bool]
+    read: _Reader
+
+
+_OPENCV = _Form(opencv_camera.NAME, opencv_camera.recognises, opencv_camera.read)
+_KALIBR = _Form(kalibr_camera.NAME, kalibr_camera.recognises, kalibr_camera.read)
+_ROS = _Form(ros_camera.NAME, ros_camera.recognises, ros_camera.read)
+_OWN = _Form(own_camera.NAME, own_camera.recognises, own_camera.read)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CameraFile:
+    """A camera and where it came from."""
+
+    camera: Camera
+    form: str
+    """OpenCV FileStorage, ROS camera_info, Kalibr camchain or circlepose"""
+    path: Path
+    target: Mapping[str, object] | None = None
+    """the file's `target:` as it stands, for `target_file.target_from_mapping`"""
+    notes: tuple[str, ...] = ()
+    """remarks for a person: what was chosen, what is missing, what looks odd"""
+
+
+def read_camera(source: Source) -> Camera:
+    """Read the camera of a calibration file; see `read_camera_file`."""
+    return read_camera_file(source).camera
+
+
+def read_camera_file(source: Source, camera_name: str | None = None) -> CameraFile:
+    """Read a calibration file of any supported form (a path, bytes or an open handle).
+
+    Parameters
+    ----------
+    source
+        OpenCV FileStorage (YAML 1.0 or 1.2, XML, JSON), ROS camera_info, Kalibr camchain or our own YAML.
+    camera_name
+        Which camera to take from a file of several (`cam1`, `M2`); by default the first.
+
+    Raises
+    ------
+    CalibrationError
+        One sentence: the file, the key, what is expected and what to do.
+    """
+    text, name = read_source(source, CalibrationError)
+    entries, is_opencv = parse_storage(text, name)
+    target = entries.get("target")
+    if target is not None and not isinstance(target, Mapping):
+        raise CalibrationError(f"{name}: target: expected a mapping such as {{radius_mm: 60}}, got {target!r}.")
+    form = _form(entries, name, is_opencv)
+    camera, notes = form.read(entries, name, camera_name)
+    return CameraFile(camera, form.name, Path(name), target, (*notes, *_doubts(camera)))
+
+
+def write_camera(camera: Camera, path: str | os.PathLike[str]) -> None:
+    """Write `camera` as OpenCV FileStorage YAML, every float to the last bit; raises `OutputError`."""
+    entries = {}
+    if camera.image_size is not None:
+        entries = {"image_width": camera.image_size[0], "image_height": camera.image_size[1]}
+    text = storage_text(
+        {
+            **entries,
+            "fisheye_model": int(camera.model == "fisheye"),
+            "camera_matrix": camera.camera_matrix,
+            "distortion_coefficients": camera.dist_coeffs[None, :],
+        }
+    )
+    with atomic_writer(path) as handle:
+        handle.write(text)
+
+
+def _form(entries: _Entries, name: str, is_opencv: bool) -> _Form:
+    # An OpenCV file may lack its camera matrix, and says so best; the keys of our form with lists in place of
+    # matrices are ours, other names for them (K, cameraMatrix) are read as OpenCV's.
+    candidates = (_KALIBR, _ROS, _OPENCV) if is_opencv else (_KALIBR, _ROS, _OWN, _OPENCV)
+    for form in candidates:
+        if form.recognises(entries) or (is_opencv and form is _OPENCV):
+            return form
+    raise CalibrationError(
+        f"{name}: is no calibration of a known form (OpenCV, ROS camera_info, Kalibr, circlepose); expected "
+        f"camera_matrix, or fx, fy, cx, cy; found {', '.join(list(entries)[:12])}."
+    )
+
+
+def _doubts(camera: Camera) -> tuple[str, ...]:
+    if camera.image_size is None:
+        return ("the image size is not given, so photographs of another size cannot be told",)
+    width, height = camera.image_size
+    (fx, _, cx), (_, fy, cy) = camera.camera_matrix[:2]
+    doubts = []
+    if not (0.0 <= cx < width and 0.0 <= cy < height):
+        doubts.append(f"the principal point ({cx:g}, {cy:g}) px lies outside the image of {width} x {height} px")
+    if min(fx / width, fy / height) < 0.1:
+        doubts.append(f"focal lengths {fx:g} and {fy:g} px are very short for {width} x {height} px; are they in mm?")
+    return tuple(doubts)

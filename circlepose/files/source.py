@@ -1,0 +1,60 @@
+"""Small text files as they come: from a path, bytes or an open handle, checked before any parser sees them."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import IO, TypeAlias
+
+from circlepose.errors import CircleposeError
+
+Source: TypeAlias = str | os.PathLike[str] | bytes | IO[str] | IO[bytes]
+"""A path, or the content itself as bytes or an open handle."""
+
+MAX_BYTES = 10_000_000
+"""No calibration or target is larger; a larger file is another file, given by mistake."""
+
+
+def read_source(source: Source, error: type[CircleposeError]) -> tuple[str, str]:
+    """Return the text of `source` and the name by which messages call it.
+
+    Raises `error` when there is no such file, or it is empty, over `MAX_BYTES`, binary or not UTF-8.
+    """
+    content, name = _content(source, error)
+    if len(content) > MAX_BYTES:
+        raise error(f"{name}: is larger than {MAX_BYTES // 1_000_000} MB; expected a small text file.")
+    text = content if isinstance(content, str) else _decoded(content, name, error)
+    if "\0" in text:
+        raise error(f"{name}: is a binary file; expected text (if it is compressed, unpack it first).")
+    if not text.strip():
+        raise error(f"{name}: is empty; expected a text file with keys and values.")
+    return text, name
+
+
+def _content(source: Source, error: type[CircleposeError]) -> tuple[str | bytes, str]:
+    if isinstance(source, bytes):
+        return source, "<bytes>"
+    if not isinstance(source, str | os.PathLike):
+        return source.read(MAX_BYTES + 1), str(getattr(source, "name", "<stream>"))
+    name = os.fspath(source)
+    try:
+        with Path(name).open("rb") as handle:
+            return handle.read(MAX_BYTES + 1), name
+    except FileNotFoundError:
+        raise error(f"{name}: there is no such file; check the path.") from None
+    except IsADirectoryError:
+        raise error(f"{name}: is a folder; give the file in it.") from None
+    except (OSError, ValueError) as reason:
+        raise error(f"{name}: cannot be opened ({getattr(reason, 'strerror', None) or reason}).") from None
+
+
+def _decoded(content: bytes, name: str, error: type[CircleposeError]) -> str:
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as reason:
+        what = (
+            "is a binary file; expected text (if it is compressed, unpack it first)"
+            if b"\0" in content or content[:2] == b"\x1f\x8b"
+            else f"is not UTF-8 text (byte {reason.start}); save it as UTF-8"
+        )
+        raise error(f"{name}: {what}.") from None

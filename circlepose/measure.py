@@ -1,0 +1,76 @@
+"""A contour's ellipse -> the viewing cone, from edges placed again along the rim that the lens model predicts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from circlepose._typing import FloatArray, Image
+from circlepose.camera import Camera
+from circlepose.conic import Ellipse
+from circlepose.extraction.contour import Contour
+from circlepose.extraction.rim import contour_normals, locate_edges
+from circlepose.fitting.direct import fit_ellipse
+from circlepose.fitting.viewing_cone import ConeFit, fit_cone
+
+_REACH_PX = 2.5
+_SPACING_PX = 1.5
+_PLACES = (48, 360)
+_OUTLIER = 4.0
+"""Robust standard deviations beyond which an edge is not the rim's."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rim:
+    """A circle's rim as measured in the image."""
+
+    cone: ConeFit
+    points: FloatArray
+    """(n, 2) px, the edges that the cone was fitted to"""
+    ellipse: Ellipse
+    """of the fitted rim in the raw image"""
+    rim_used: float
+    """share of the rim that has such an edge"""
+
+
+def fit_rim(levels: Image, camera: Camera, contour: Contour, *, refine: bool = True) -> Rim | None:
+    """Fit the viewing cone of `contour` in the grey image `levels` (h, w); None when it has none.
+
+    Without `refine` the contour's own points are fitted and no edge is placed again.
+    """
+    fit = fit_cone(camera, contour.points)
+    if fit is None:
+        return None
+    if not refine:
+        return _rim(camera, fit, contour.points, contour.rim_used)
+    perimeter = np.pi * float(contour.ellipse.semi_major + contour.ellipse.semi_minor)
+    places = int(np.clip(perimeter / _SPACING_PX, *_PLACES))
+    predicted = rim_pixels(camera, fit.factor, places)
+    if not np.all(np.isfinite(predicted)):
+        return None
+    reach = min(_REACH_PX, max(0.45 * float(contour.ellipse.semi_minor) + 0.5, 1.0))
+    edges = locate_edges(levels, predicted[None], contour_normals(predicted[None]), np.array([reach]))
+    points = edges.points[0][edges.valid[0]]
+    for _ in range(3):
+        refined = fit_cone(camera, points)
+        if refined is None:
+            return None
+        residual = np.abs(refined.residuals_px)
+        near = residual <= max(_OUTLIER * 1.4826 * float(np.median(residual)), 0.05)
+        if near.all():
+            break
+        points = points[near]
+    return _rim(camera, refined, points, len(points) / places)
+
+
+def _rim(camera: Camera, fit: ConeFit, points: FloatArray, rim_used: float) -> Rim | None:
+    ellipse = fit_ellipse(rim_pixels(camera, fit.factor, 90))
+    return None if ellipse is None else Rim(fit, points, ellipse, rim_used)
+
+
+def rim_pixels(camera: Camera, factor: FloatArray, number: int) -> FloatArray:
+    """Return `number` pixels (number, 2) of the rim of the cone with `factor` (3, 3); NaN out of the camera's sight."""
+    angle = np.linspace(0.0, 2.0 * np.pi, number, endpoint=False)
+    unit = np.stack([np.cos(angle), np.sin(angle), np.ones(number)], axis=-1)
+    return camera.project(unit @ factor.T)

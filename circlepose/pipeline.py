@@ -1,0 +1,143 @@
+"""One image through all stages: extraction, fitting, solving, disambiguation."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+
+from circlepose._typing import Image
+from circlepose.camera import Camera
+from circlepose.errors import ArgumentError
+from circlepose.extraction.contour import Rejection
+from circlepose.extraction.find import find_contours
+from circlepose.extraction.grey import to_grey
+from circlepose.extraction.intervals import axis_intervals
+from circlepose.measure import Rim, fit_rim
+from circlepose.pose import CircleResult, ImageResult, Status
+from circlepose.rings import find_ring_targets
+from circlepose.solvers import METHODS
+from circlepose.solutions import circle_results
+from circlepose.target import Target
+
+
+def estimate(
+    image: Image,
+    camera: Camera,
+    target: Target,
+    *,
+    method: str = "chen-huang",
+    refine: bool = True,
+    scale_calibration: bool = False,
+    name: str = "",
+) -> ImageResult:
+    """Find the targets in one image and estimate their poses.
+
+    Parameters
+    ----------
+    image
+        (h, w), (h, w, 3) BGR or (h, w, 4) BGRA pixels, 8 or 16 bit or floating, as decoded: not undistorted,
+        not turned by EXIF.
+    camera
+        Its calibration. An image of another size than the calibration's gets the status `size_mismatch`
+        unless `scale_calibration` says that it was resized.
+    target
+        What to look for, and how many.
+    method
+        A name of `circlepose.solvers.METHODS`, or `all`.
+    refine
+        Place the edges anew along the rim that the lens model predicts. Without it the pose is that of the
+        extracted contour.
+    name
+        Under which the image is reported.
+
+    Returns
+    -------
+    The circles with both candidate poses each, in mm, in the camera frame; or the reason why there are none. An
+    image that cannot be measured is a status, not an exception.
+
+    Raises
+    ------
+    ArgumentError
+        On misuse: an array that is no image, an unknown method.
+    """
+    methods = METHODS if method == "all" else (method,)
+    if not set(methods) <= set(METHODS):
+        raise ArgumentError(f"method: expected all or one of {', '.join(METHODS)}, got {method!r}.")
+    grey = to_grey(image)
+    size = (int(grey.shape[1]), int(grey.shape[0]))
+    if camera.image_size is not None and camera.image_size != size:
+        if not scale_calibration:
+            return ImageResult(name, Status.SIZE_MISMATCH, _size_mismatch(size, camera.image_size), image_size=size)
+        camera = camera.scaled_to(size)
+    intervals = axis_intervals(target, camera, size)
+    found = find_contours(grey, intervals, target.polarity, keep_concentric=target.kind != "circle")
+    rejected = Counter(found.rejected)
+    rims: list[Rim] = []
+    for contour in found.contours:
+        rim = fit_rim(grey, camera, contour, refine=refine)
+        if rim is None:
+            rejected[Rejection.NO_POSE] += 1
+        else:
+            rims.append(rim)
+    if target.kind == "circle":
+        circles = _lone_circles(rims, camera, target, methods, rejected)
+    else:
+        circles = find_ring_targets(rims, camera, target, methods, rejected)
+    return _image_result(name, size, target, circles, rejected)
+
+
+def _lone_circles(
+    rims: list[Rim], camera: Camera, target: Target, methods: tuple[str, ...], rejected: Counter[Rejection]
+) -> list[CircleResult]:
+    circles: list[CircleResult] = []
+    instance = 0
+    for rim in rims:
+        if target.count is not None and instance >= target.count:
+            rejected[Rejection.BEYOND_COUNT] += 1
+            continue
+        results = circle_results(rim, camera, methods, target.radii_mm[0], instance, "disc")
+        if not _in_depth_range(results, target):
+            rejected[Rejection.DEPTH] += 1
+            continue
+        circles.extend(results)
+        instance += 1
+    return circles
+
+
+def _in_depth_range(results: list[CircleResult], target: Target) -> bool:
+    if target.depth_range_mm is None:
+        return True
+    nearest, farthest = target.depth_range_mm
+    depths = [float(c.center[2]) for result in results for c in result.candidates]
+    return any(nearest <= depth <= farthest for depth in depths)
+
+
+def _image_result(
+    name: str, size: tuple[int, int], target: Target, circles: list[CircleResult], rejected: Counter[Rejection]
+) -> ImageResult:
+    counts = {str(reason): number for reason, number in sorted(rejected.items()) if number}
+    found = 1 + max((c.instance for c in circles), default=-1)
+    status, reason = Status.OK, ""
+    if found == 0:
+        status = Status.NO_CIRCLE
+        reason = _why_none(rejected)
+    elif target.count is not None and found < target.count:
+        status = Status.TOO_FEW_CIRCLES
+        reason = f"{found} of {target.count} found"
+    return ImageResult(name, status, reason, tuple(circles), size, counts)
+
+
+def _why_none(rejected: Counter[Rejection]) -> str:
+    """Name the reason that stopped the most promising contours: the later stages first."""
+    late = [Rejection.DEPTH, Rejection.NO_POSE, Rejection.POLARITY, Rejection.NOT_IN_TARGET, Rejection.MAJOR_AXIS]
+    for reason in (*late, Rejection.MINOR_AXIS, Rejection.TOO_LITTLE_RIM, Rejection.NOT_ELLIPTICAL):
+        if rejected[reason]:
+            return f"no contour is the target's image; {rejected[reason]} came close: {reason}"
+    return "no contour is the target's image"
+
+
+def _size_mismatch(size: tuple[int, int], expected: tuple[int, int]) -> str:
+    return (
+        f"the image is {size[0]} x {size[1]} px, the calibration holds for {expected[0]} x {expected[1]}; "
+        "use the right calibration, or --scale-calib if the image was resized"
+    )
