@@ -99,12 +99,16 @@ def dual_cone(factor: FloatArray) -> FloatArray:
 
 
 def factor_from_cone(cone: FloatArray) -> FloatArray:
-    """Return a factor (..., 3, 3) of an elliptical cone given as `Q` (..., 3, 3), any scale and sign."""
+    """Return a factor (..., 3, 3) of an elliptical cone given as `Q` (..., 3, 3), any scale and sign.
+
+    Of the double cone that Q describes, the half whose axis has z > 0 is taken.
+    """
     q = np.asarray(cone, dtype=np.float64)
-    # Signature (+, +, -): for a 3 x 3 matrix of either sign the determinant of -that- scaling is negative.
+    # A cone has the signature (+, +, -), so its determinant is negative: that settles the sign of Q.
     q = q * np.where(np.linalg.det(q) > 0.0, -1.0, 1.0)[..., None, None]
     eigenvalues, vectors = np.linalg.eigh(q)
-    return vectors[..., [2, 1, 0]] / np.sqrt(np.abs(eigenvalues[..., None, [2, 1, 0]]))
+    factor = vectors[..., [2, 1, 0]] / np.sqrt(np.abs(eigenvalues[..., None, [2, 1, 0]]))
+    return np.asarray(factor * np.where(factor[..., 2:3, 2:3] < 0.0, np.array([1.0, 1.0, -1.0]), 1.0))
 
 
 def principal_frame(factor: FloatArray) -> PrincipalFrame:

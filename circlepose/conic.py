@@ -154,9 +154,9 @@ def sampson_distance(conic: FloatArray, points: FloatArray) -> FloatArray:
 def signed_distance(ellipse: Ellipse, points: FloatArray) -> FloatArray:
     """Return the exact signed distance (..., n) of `points` (..., n, 2) to the rim, negative inside.
 
-    The nearest rim point of (p, q), folded into the first quadrant, is (a^2 p/(t + a^2), b^2 q/(t + b^2)),
-    with t the largest root of (a p/(t + a^2))^2 + (b q/(t + b^2))^2 = 1. That function is convex and falling,
-    so Newton's iteration from its left climbs to the root without overshooting.
+    The nearest rim point of (p, q), folded into the first quadrant, is (a^2 p/(t + a^2 - b^2), b^2 q/t), with t
+    the largest root of (a p/(t + a^2 - b^2))^2 + (b q/t)^2 = 1. That function is convex and falling, so Newton's
+    iteration from its left climbs to the root without overshooting.
     """
     a = np.asarray(ellipse.semi_major, dtype=np.float64)[..., None]
     # A floor far below any pixel keeps segments and points on the major axis off the poles.
@@ -166,15 +166,16 @@ def signed_distance(ellipse: Ellipse, points: FloatArray) -> FloatArray:
     cos, sin = np.cos(ellipse.angle)[..., None], np.sin(ellipse.angle)[..., None]
     p = np.abs(cos * offset[..., 0] + sin * offset[..., 1])
     q = np.maximum(np.abs(cos * offset[..., 1] - sin * offset[..., 0]), floor)
-    t = np.maximum(b * q - b**2, a * p - a**2)
+    focal2 = (a - b) * (a + b)
+    t = np.maximum(b * q, a * p - focal2)
     for _ in range(60):
-        x, y = a * p / (t + a**2), b * q / (t + b**2)
+        x, y = a * p / (t + focal2), b * q / t
         value = x**2 + y**2 - 1.0
-        slope = 2.0 * (x**2 / (t + a**2) + y**2 / (t + b**2))
+        slope = 2.0 * (x**2 / (t + focal2) + y**2 / t)
         step = value / slope
         t = t + step
-        if np.all(np.abs(step) <= 1e-15 * (np.abs(t) + a**2)):
+        if np.all(np.abs(step) <= 1e-15 * t):
             break
-    distance = np.hypot(p - a**2 * p / (t + a**2), q - b**2 * q / (t + b**2))
+    distance = np.hypot(p - a**2 * p / (t + focal2), q - b**2 * q / t)
     inside = (p / a) ** 2 + (q / b) ** 2 < 1.0
     return np.where(inside, -distance, distance)

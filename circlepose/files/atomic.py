@@ -29,7 +29,9 @@ def atomic_writer(path: str | os.PathLike[str], *, binary: bool = False) -> Abst
     through text as `os.fsdecode` gives them. Raises `OutputError` when the folder is missing, not writable or full.
     """
     place = Path(os.path.realpath(path))
-    return _direct(place, binary) if place.exists() and not place.is_file() else _renamed(place, binary)
+    # os.path, unlike Path, does not raise where a folder may not be searched; opening the file then says so.
+    is_device = os.path.exists(place) and not os.path.isfile(place)  # noqa: PTH110, PTH113
+    return _direct(place, binary) if is_device else _renamed(place, binary)
 
 
 @contextmanager

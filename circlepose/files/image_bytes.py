@@ -5,6 +5,26 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
+IMAGE_SUFFIXES = frozenset(
+    (
+        ".bmp",
+        ".dib",
+        ".jp2",
+        ".jpe",
+        ".jpeg",
+        ".jpg",
+        ".pbm",
+        ".pgm",
+        ".png",
+        ".pnm",
+        ".ppm",
+        ".tif",
+        ".tiff",
+        ".webp",
+    )
+)
+"""Endings that make a file in a folder or glob an image; a file named itself is judged by its content."""
+
 _JPEG_END = b"\xff\xd9"
 _JPEG_SCAN = 0xDA
 _PNG_START = b"\x89PNG\r\n\x1a\n"
@@ -33,7 +53,7 @@ def is_complete(content: bytes, kind: str) -> bool:
     return True
 
 
-def without_colour_profile(content: bytes, kind: str) -> bytes | bytearray:
+def without_remarks(content: bytes, kind: str) -> bytes | bytearray:
     """Return a PNG without the chunks of remarks, on which libpng prints warnings; others as they are."""
     if kind != "PNG":
         return content

@@ -13,9 +13,10 @@ import numpy as np
 from circlepose._typing import Image
 from circlepose.errors import ImageError, OutputError
 from circlepose.files.atomic import atomic_writer
-from circlepose.files.image_bytes import is_complete, known_format, without_colour_profile
-from circlepose.files.inputs import IMAGE_SUFFIXES as IMAGE_SUFFIXES
+from circlepose.files.image_bytes import IMAGE_SUFFIXES, is_complete, known_format, without_remarks
 from circlepose.pose import Status
+
+__all__ = ["IMAGE_SUFFIXES", "read_image", "write_image"]
 
 
 def read_image(path: str | os.PathLike[str]) -> Image:
@@ -37,7 +38,7 @@ def read_image(path: str | os.PathLike[str]) -> Image:
     # OpenCV 4 fills the lost part of a JPEG with grey and says nothing.
     if not is_complete(content, kind):
         raise ImageError(Status.TRUNCATED_IMAGE, f"{name}: the {kind} image ends early; copy or take it again.")
-    image = _decoded(without_colour_profile(content, kind))
+    image = _decoded(without_remarks(content, kind))
     if image is None:
         raise ImageError(
             Status.TRUNCATED_IMAGE, f"{name}: the {kind} image is damaged or ends early; copy or take it again."
@@ -95,7 +96,8 @@ def _decoded(content: bytes | bytearray) -> Image | None:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Silence OpenCV's own log on stderr: what went wrong is in the status. (The setter moved in OpenCV 5.)"""
+    """Silence OpenCV's own log on stderr: the status says what went wrong."""
+    # The setter moved in OpenCV 5.
     logging = getattr(cv2.utils, "logging", cv2)
     before = logging.setLogLevel(0)
     try:

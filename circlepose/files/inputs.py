@@ -10,27 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from circlepose.errors import UsageError
+from circlepose.files.image_bytes import IMAGE_SUFFIXES
 
 STDIN = "-"
-IMAGE_SUFFIXES = frozenset(
-    (
-        ".bmp",
-        ".dib",
-        ".jp2",
-        ".jpe",
-        ".jpeg",
-        ".jpg",
-        ".pbm",
-        ".pgm",
-        ".png",
-        ".pnm",
-        ".ppm",
-        ".tif",
-        ".tiff",
-        ".webp",
-    )
-)
-"""Endings that make a file in a folder or glob an image; a file named itself is judged by its content."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,15 +41,16 @@ def expand_inputs(
         raise UsageError("no image was given; give image files, a folder, a glob or - for paths on standard input.")
     if STDIN in inputs and stdin is None:
         raise UsageError("-: there is no standard input to read paths from.")
-    lone_folder = len(inputs) == 1 and Path(inputs[0]).is_dir()
+    lone_folder = len(inputs) == 1 and _is_folder(inputs[0])
     parts = [[STDIN] if each == STDIN else _expanded(each, recursive) for each in inputs]
     return _images(parts, inputs[0] if lone_folder else None, stdin or ())
 
 
-def natural_key(name: str) -> str:
+def natural_key(name: str) -> tuple[str, str]:
     """Return a sort key by which img2 comes before img10, and parts of a path are compared one by one."""
+    # A number is led by the count of its digits; the name itself parts img1 from img01.
     key = re.sub(r"0*([0-9]+)", lambda match: f"{len(match[1]):03d}{match[1]}", name.casefold())
-    return key.replace(os.sep, "\0")
+    return key.replace(os.sep, "\0"), name
 
 
 def _images(parts: list[list[str]], base: str | None, stdin: Iterable[str] | Iterable[bytes]) -> Iterator[InputImage]:
@@ -97,25 +80,25 @@ def _from_stdin(lines: Iterable[str] | Iterable[bytes]) -> Iterator[InputImage]:
 
 
 def _expanded(typed: str, recursive: bool) -> list[str]:
-    if Path(typed).is_dir():
+    if _is_folder(typed):
         return _in_folder(typed, recursive)
-    if Path(typed).exists() or not glob.has_magic(typed):
+    if not glob.has_magic(typed) or os.path.lexists(typed):
         return [typed]
     base, pattern = _split_at_magic(typed)
-    found = glob.glob(pattern, root_dir=base or None, recursive=True)
+    found = glob.glob(pattern, root_dir=base or None, recursive=True)  # noqa: PTH207 - Path.glob shows hidden files
     matches = [str(Path(base, each)) if base else each for each in sorted(found, key=natural_key)]
-    images = [each for each in matches if is_image_name(each) and not Path(each).is_dir()]
+    images = [each for each in matches if is_image_name(each) and not _is_folder(each)]
     if images:
         return images
-    what = "matches no file" if not matches else f"matches {_some(matches)}, none of them an image"
+    what = f"matches no image, only {_some(matches)}" if matches else "matches no file"
     raise UsageError(f"{typed}: {what}; check the pattern.")
 
 
 def _split_at_magic(typed: str) -> tuple[str, str]:
-    """Return the part of a glob that is a folder, brackets in its name and all, and the rest, which is the pattern."""
+    """Return the part of a glob that is a folder, even with brackets in its name, and the pattern below it."""
     parts = Path(typed).parts
     count = 0
-    while count < len(parts) - 1 and Path(*parts[: count + 1]).is_dir():
+    while count < len(parts) - 1 and _is_folder(str(Path(*parts[: count + 1]))):
         count += 1
     return (str(Path(*parts[:count])) if count else ""), str(Path(*parts[count:]))
 
@@ -152,10 +135,15 @@ def is_image_name(name: str) -> bool:
     return Path(name).suffix.lower() in IMAGE_SUFFIXES
 
 
+def _is_folder(path: str) -> bool:
+    # Unlike Path.is_dir, False also for a name that is too long or in a folder that may not be searched.
+    return os.path.isdir(path)  # noqa: PTH112
+
+
 def _refuse_folder(error: OSError) -> None:
     raise UsageError(f"{error.filename}: the folder cannot be read ({error.strerror}).")
 
 
 def _some(paths: list[str]) -> str:
     names = ", ".join(Path(each).name for each in paths[:3])
-    return f"{len(paths)} other file(s) ({names}{', ...' if len(paths) > 3 else ''})"
+    return f"{len(paths)} other(s) ({names}{', ...' if len(paths) > 3 else ''})"

@@ -5,7 +5,7 @@ A cell that holds a vector is one text, as in print: `(-14.86, 31.54, 902.38)`. 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal, TextIO
 
@@ -95,6 +95,13 @@ def table2_rows(result: ImageResult) -> Iterator[Row]:
         yield {"Scene": result.image, "UN": result.status}
 
 
+PRINTED: Mapping[Layout, tuple[tuple[str, ...], Callable[[ImageResult], Iterator[Row]]]] = {
+    "table1": (TABLE1_COLUMNS, table1_rows),
+    "table2": (TABLE2_COLUMNS, table2_rows),
+}
+"""columns and rows of the layouts that have the form of a printed table"""
+
+
 def printed(row: Row, columns: Iterable[str]) -> Row:
     """Return `row` with its numbers and vectors as the texts of the printed tables."""
     return {column: _print(row.get(column), _DECIMALS.get(column, 6)) for column in columns}
@@ -106,8 +113,7 @@ def write_results(results: Iterable[ImageResult], handle: TextIO, *, data_format
         writers = {"csv": tables.write_csv, "json": records.write_json, "jsonl": records.write_jsonl}
         writers[data_format](results, handle)
         return
-    columns = TABLE1_COLUMNS if layout == "table1" else TABLE2_COLUMNS
-    rows_of = table1_rows if layout == "table1" else table2_rows
+    columns, rows_of = PRINTED[layout]
     schema = f"circlepose.{layout}/1"
 
     def printed_rows(result: ImageResult) -> Iterator[Row]:

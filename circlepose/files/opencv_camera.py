@@ -10,6 +10,7 @@ from circlepose.camera import Camera, LensModel
 from circlepose.errors import CalibrationError
 from circlepose.files import numbers
 from circlepose.files.schema import shown
+from circlepose.files.yaml_text import MatrixNode
 
 NAME = "OpenCV FileStorage"
 
@@ -25,7 +26,7 @@ _PINHOLE_WORDS = ("pinhole", "opencv", "plumbbob", "radtan", "radialtangential",
 def recognises(entries: Mapping[str, object]) -> bool:
     """Whether a matrix stands under one of the names of a camera matrix."""
     return any(
-        _MATRIX_KEY.fullmatch(_plain(key)) and isinstance(value, Mapping | list) for key, value in entries.items()
+        _MATRIX_KEY.fullmatch(_plain(key)) and _is_matrix(value) for key, value in entries.items()
     )
 
 
@@ -58,12 +59,17 @@ def _plain(key: str) -> str:
     return re.sub(r"[\s_-]", "", key).lower()
 
 
+def _is_matrix(value: object) -> bool:
+    # A K1 or M that is one number or a group of keys is something else.
+    return isinstance(value, MatrixNode | list) or (isinstance(value, Mapping) and "data" in value)
+
+
 def _keys(entries: Mapping[str, object], pattern: re.Pattern[str], where: str) -> dict[str, str]:
     """Return the keys of matrices whose names match, by the end of the name that numbers the camera."""
     found: dict[str, str] = {}
     for key, value in entries.items():
         match = pattern.fullmatch(_plain(key))
-        if match and isinstance(value, Mapping | list):
+        if match and _is_matrix(value):
             end = match["end"] or ""
             if end in found:
                 raise CalibrationError(f"{where}: {found[end]}, {key}: mean the same; remove one of them.")

@@ -110,7 +110,7 @@ def write_target(target: Target, path: str | os.PathLike[str]) -> None:
 
 def find_beside(folder: Path, stem: str) -> Path | None:
     """Return `{stem}.yaml` or `{stem}.yml` in `folder` if one is there; raises `UsageError` if both are."""
-    found = [path for path in (folder / f"{stem}.yaml", folder / f"{stem}.yml") if path.is_file()]
+    found = [path for path in (folder / f"{stem}.yaml", folder / f"{stem}.yml") if os.path.isfile(path)]  # noqa: PTH113
     if len(found) > 1:
         raise UsageError(f"{folder}: holds both {found[0].name} and {found[1].name}; remove one of them.")
     return found[0] if found else None

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ive
 
-from circlepose._typing import FloatArray
+from circlepose._typing import FloatArray, IntArray
 from circlepose.camera import Camera
 
 _KERNEL_REACH = 5.5
@@ -32,7 +32,7 @@ class Cells:
     size: float
     """px, their side"""
 
-    def take(self, index: FloatArray | slice) -> Cells:
+    def take(self, index: IntArray) -> Cells:
         """Return the cells at `index` of the first batch axis."""
         return Cells(self.pixels[index], self.rays[index], self.ray_jacobian[index], self.size)
 
@@ -70,9 +70,7 @@ def half_plane_coverage(distance: FloatArray, direction: FloatArray, size: float
     return np.asarray(np.clip(ramps / (2.0 * long * short), 0.0, 1.0))
 
 
-def quadratic_coverage(
-    value: FloatArray, gradient: FloatArray, hessian: FloatArray, size: float
-) -> FloatArray:
+def quadratic_coverage(value: FloatArray, gradient: FloatArray, hessian: FloatArray, size: float) -> FloatArray:
     """Return the fraction (...) of square cells of side `size` with F < 0; 0 where F is NaN.
 
     `value` (...), `gradient` (..., 2) and `hessian` (..., 2, 2) of F in px at the cells' centres, F convex

@@ -9,7 +9,7 @@ from circlepose.synthesis.scene import Box, Polygon, Round, Shape
 
 
 def signed_distance(shape: Shape, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the distance (...) of `points` (..., 2) to the shape's rim, negative inside, and its gradient (..., 2)."""
+    """Return the distance (...) of `points` (..., 2) to the rim, negative inside, and its gradient (..., 2)."""
     if isinstance(shape, Round):
         offset = points - np.array(shape.at)
         length = np.linalg.norm(offset, axis=-1)
@@ -23,7 +23,7 @@ def outline(shape: Shape, number: int) -> FloatArray:
     """Return about `number` points (n, 2) along the closed rim, evenly spaced on each of its pieces."""
     if isinstance(shape, Round):
         angle = np.linspace(0.0, 2.0 * np.pi, number, endpoint=False)
-        return shape.radius * np.stack([np.cos(angle), np.sin(angle)], axis=-1) + np.array(shape.at)
+        return np.asarray(shape.radius * np.stack([np.cos(angle), np.sin(angle)], axis=-1) + np.array(shape.at))
     if isinstance(shape, Polygon):
         return _closed(np.array(shape.points), number)
     half = np.array(shape.size) / 2.0 - shape.corner_radius
@@ -35,7 +35,7 @@ def outline(shape: Shape, number: int) -> FloatArray:
         * np.stack([np.cos(quarter + k * np.pi / 2.0), np.sin(quarter + k * np.pi / 2.0)], axis=-1)
         for k, sign in enumerate([(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)])
     ]
-    return _closed(np.concatenate(corners), number) @ _turn(shape.angle).T + np.array(shape.at)
+    return np.asarray(_closed(np.concatenate(corners), number) @ _turn(shape.angle).T + np.array(shape.at))
 
 
 def _turn(angle: float) -> FloatArray:

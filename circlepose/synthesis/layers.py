@@ -32,7 +32,7 @@ class Part:
     def levels(self, cells: Cells) -> FloatArray:
         """Return the grey levels (...) that the paint has at `cells`."""
         if self.paint.texture is None:
-            return np.full(cells.pixels.shape[:-1], self.paint.level)
+            return np.full(cells.pixels.shape[:-1], self.paint.level, dtype=np.float64)
         points = cells.pixels if self.plane is None else plane_coordinates(self.plane, cells)[0]
         return self.paint.level + mottle(self.paint.texture, np.nan_to_num(points))
 

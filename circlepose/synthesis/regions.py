@@ -45,7 +45,7 @@ class CircleRegion:
         center, normal = self.circle.center, self.circle.normal
         rays, jacobian = cells.rays, cells.ray_jacobian
         # Unit numbers whatever the distance: only the zero of F matters.
-        scale = np.linalg.norm(center)
+        scale = float(np.linalg.norm(center))
         cone = cone_from_circle(center / scale, normal, self.circle.radius / scale)
         image = rays @ cone
         value = np.einsum("...i,...i->...", rays, image)
@@ -93,7 +93,7 @@ class Union:
 
     def coverage(self, cells: Cells) -> FloatArray:
         """Return the largest of the members' fractions."""
-        return np.max([member.coverage(cells) for member in self.members], axis=0)
+        return np.asarray(np.max([member.coverage(cells) for member in self.members], axis=0))
 
     def rims(self, camera: Camera) -> list[FloatArray]:
         """Return the members' rims."""
@@ -108,7 +108,7 @@ class Intersection:
 
     def coverage(self, cells: Cells) -> FloatArray:
         """Return the smallest of the members' fractions."""
-        return np.min([member.coverage(cells) for member in self.members], axis=0)
+        return np.asarray(np.min([member.coverage(cells) for member in self.members], axis=0))
 
     def rims(self, camera: Camera) -> list[FloatArray]:
         """Return the members' rims."""

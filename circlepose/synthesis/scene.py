@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Literal, Self, TypeAlias
 
 import numpy as np
@@ -322,7 +323,7 @@ def _place(part: TargetPart, what: str) -> None:
 
 
 def _check_radii(what: str, radii: tuple[float, ...]) -> None:
-    ordered = all(a > b for a, b in zip(radii, radii[1:], strict=False))
+    ordered = all(a > b for a, b in pairwise(radii))
     if not (ordered and all(math.isfinite(r) and r > 0.0 for r in radii)):
         listed = ", ".join(f"{r:g}" for r in radii)
         raise SceneError(f"{what}: expected positive radii in mm, each smaller than the last, got {listed}.")

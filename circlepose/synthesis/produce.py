@@ -1,0 +1,75 @@
+"""A scene file to a folder of images with their truth, camera and target."""
+
+from __future__ import annotations
+
+import csv
+import os
+from collections.abc import Iterable
+from pathlib import Path
+
+from circlepose.errors import OutputError
+from circlepose.files.atomic import atomic_writer
+from circlepose.files.camera_file import write_camera
+from circlepose.files.images import write_image
+from circlepose.files.scene_file import read_scenes
+from circlepose.files.target_file import write_target
+from circlepose.synthesis.render import TruthRow, render, truth_rows
+
+TRUTH_COLUMNS = (
+    "image",
+    "instance",
+    "circle",
+    "radius_mm",
+    "center_x_mm",
+    "center_y_mm",
+    "center_z_mm",
+    "normal_x",
+    "normal_y",
+    "normal_z",
+)
+
+
+def render_to_folder(scene_path: str | os.PathLike[str], output_dir: str | os.PathLike[str]) -> list[Path]:
+    """Render all images of a scene file into `output_dir`, which is made if it is not there.
+
+    Returns the files written: the images (`NAME.png`) in the file's order, `camera.yml` (OpenCV's form),
+    `target.yaml` (unless the scenes hold no target) and `truth.csv`. Raises `SceneError` and its relatives
+    on a file that cannot be meant, before anything is written, and `OutputError`.
+    """
+    description = read_scenes(scene_path)
+    folder = Path(output_dir)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as reason:
+        raise OutputError(f"{folder}: cannot be made a folder ({reason.strerror}).") from None
+    written = []
+    for scene in description.scenes:
+        written.append(folder / f"{scene.name}.png")
+        write_image(written[-1], render(scene))
+    written.append(folder / "camera.yml")
+    write_camera(description.camera, written[-1])
+    if description.target is not None:
+        written.append(folder / "target.yaml")
+        write_target(description.target, written[-1])
+    written.append(folder / "truth.csv")
+    write_truth((row for scene in description.scenes for row in truth_rows(scene)), written[-1])
+    return written
+
+
+def write_truth(rows: Iterable[TruthRow], path: str | os.PathLike[str]) -> None:
+    """Write true poses as CSV with `TRUTH_COLUMNS`, mm, camera frame; raises `OutputError`."""
+    with atomic_writer(path) as handle:
+        table = csv.writer(handle, lineterminator="\n")
+        table.writerow(TRUTH_COLUMNS)
+        for row in rows:
+            circle = row.circle
+            table.writerow(
+                [
+                    f"{row.image}.png",
+                    row.instance,
+                    circle.name,
+                    f"{circle.radius:.6f}",
+                    *(f"{value:.6f}" for value in circle.center),
+                    *(f"{value:.9f}" for value in circle.normal),
+                ]
+            )
