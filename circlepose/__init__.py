@@ -52,7 +52,10 @@ _HOME = {
     "read_target": "files.target_file",
 }
 
-__all__ = [*sorted(_HOME), "__version__"]
+__all__ = [  # noqa: PLE0604 - all are strings
+    "__version__",
+    *_HOME,
+]
 
 
 def __getattr__(name: str) -> object:

@@ -88,9 +88,7 @@ class Camera:
         Pixel centres are integers, so the image's corner is at -0.5: c' = (c + 0.5) s - 0.5.
         """
         if self.image_size is None:
-            raise CalibrationError(
-                "image_size: the calibration does not say its image size, so it cannot be scaled."
-            )
+            raise CalibrationError("image_size: the calibration does not say its image size, so it cannot be scaled.")
         scale = np.array([image_size[0] / self.image_size[0], image_size[1] / self.image_size[1]])
         matrix = self.camera_matrix.copy()
         matrix[:2, :2] *= scale[:, None]
@@ -130,8 +128,6 @@ def _check_coefficients(coefficients: FloatArray, model: LensModel) -> None:
     allowed = lens.PINHOLE_COUNTS if model == "pinhole" else (lens.FISHEYE_COUNT,)
     if len(coefficients) not in allowed:
         counts = ", ".join(str(n) for n in allowed)
-        raise CalibrationError(
-            f"dist_coeffs: a {model} camera has {counts} coefficients, got {len(coefficients)}."
-        )
+        raise CalibrationError(f"dist_coeffs: a {model} camera has {counts} coefficients, got {len(coefficients)}.")
     if not np.all(np.isfinite(coefficients)):
         raise CalibrationError("dist_coeffs: has entries that are not finite numbers.")

@@ -86,11 +86,7 @@ def cone_from_circle(center: FloatArray, normal: FloatArray, radius: FloatArray 
     d = np.einsum("...i,...i->...", c, n)[..., None, None]
     outer = n[..., :, None] * c[..., None, :]
     along = (np.einsum("...i,...i->...", c, c) - r**2)[..., None, None]
-    return (
-        d**2 * np.eye(3)
-        - d * (outer + np.swapaxes(outer, -1, -2))
-        + along * n[..., :, None] * n[..., None, :]
-    )
+    return d**2 * np.eye(3) - d * (outer + np.swapaxes(outer, -1, -2)) + along * n[..., :, None] * n[..., None, :]
 
 
 def dual_cone(factor: FloatArray) -> FloatArray:

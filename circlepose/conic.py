@@ -7,12 +7,15 @@ is on it when `x' C x = 0`. All functions take leading batch axes.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
 from circlepose._typing import BoolArray, FloatArray
 from circlepose.errors import ArgumentError
+
+_FLATTEST = 1e-7
+"""Axis ratio below which a matrix in float64 does not tell an ellipse from a pair of lines."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,6 +49,14 @@ class Ellipse:
             semi_minor=np.min(axes, axis=-1),
             angle=wrap_half_turn(np.where(swap, angle_ + np.pi / 2.0, angle_)),
         )
+
+    def __getitem__(self, which: object) -> Self:
+        """Return the ellipses of a batch that `which` (index, mask or indices of the leading axes) names."""
+        index: Any = which
+        return type(self)(self.center[index], self.semi_major[index], self.semi_minor[index], self.angle[index])
+
+    def __len__(self) -> int:
+        return len(self.semi_major)
 
     @property
     def factor(self) -> FloatArray:
@@ -87,7 +98,8 @@ def is_ellipse(conic: FloatArray) -> BoolArray:
     c = np.asarray(conic, dtype=np.float64)
     minor = c[..., 0, 0] * c[..., 1, 1] - c[..., 0, 1] ** 2
     trace = c[..., 0, 0] + c[..., 1, 1]
-    return np.asarray((minor > 0.0) & (trace * np.linalg.det(c) < 0.0), dtype=np.bool_)
+    closed = minor > _FLATTEST**2 * trace**2
+    return np.asarray(closed & (trace * np.linalg.det(c) < 0.0), dtype=np.bool_)
 
 
 def ellipse_from_conic(conic: FloatArray) -> Ellipse:
@@ -101,9 +113,12 @@ def ellipse_from_conic(conic: FloatArray) -> Ellipse:
     c = np.asarray(conic, dtype=np.float64)
     if not np.all(is_ellipse(c)):
         raise ArgumentError("conic: expected a real ellipse.")
+    c = c / np.max(np.abs(c), axis=(-2, -1), keepdims=True)
     quadratic = c[..., :2, :2]
     linear = c[..., :2, 2]
-    center = -np.linalg.solve(quadratic, linear[..., None])[..., 0]
+    adjugate = dual(c)
+    # The pole of the line at infinity.
+    center = adjugate[..., :2, 2] / adjugate[..., 2, 2, None]
     at_center = c[..., 2, 2] + np.einsum("...i,...i->...", linear, center)
     eigenvalues, eigenvectors = np.linalg.eigh(quadratic / -at_center[..., None, None])
     # Both eigenvalues are positive now: 1/semi_axis^2, ascending, so the first belongs to the major axis.
@@ -149,6 +164,23 @@ def sampson_distance(conic: FloatArray, points: FloatArray) -> FloatArray:
     value = np.einsum("...ni,...ni->...n", homogeneous, lines)
     gradient = 2.0 * np.hypot(lines[..., 0], lines[..., 1])
     return value / np.maximum(gradient, np.finfo(np.float64).tiny)
+
+
+def rim_distance(ellipse: Ellipse, points: FloatArray) -> FloatArray:
+    """Return the first-order signed distance (..., n) of `points` (..., n, 2) to the rim, negative inside.
+
+    Of |(x/a, y/b)| - 1 in the ellipse's own axes, which is nearly linear across the rim, and as precise far
+    from the origin as close to it.
+    """
+    offset = points - ellipse.center[..., None, :]
+    cos, sin = np.cos(ellipse.angle)[..., None], np.sin(ellipse.angle)[..., None]
+    a, b = ellipse.semi_major[..., None], ellipse.semi_minor[..., None]
+    x = (cos * offset[..., 0] + sin * offset[..., 1]) / a
+    y = (cos * offset[..., 1] - sin * offset[..., 0]) / b
+    radius = np.hypot(x, y)
+    slope = np.hypot(x / a, y / b)
+    # At the very centre the distance is that to the nearer vertex.
+    return np.where(radius > 1e-9, (radius - 1.0) * radius / np.where(radius > 1e-9, slope, 1.0), -b)
 
 
 def signed_distance(ellipse: Ellipse, points: FloatArray) -> FloatArray:

@@ -159,9 +159,7 @@ def _invert_plane(target: FloatArray, dist_coeffs: FloatArray) -> FloatArray:
         for _ in range(60):
             value, jacobian = distort_plane(plane, dist_coeffs)
             miss = target - value
-            determinant = (
-                jacobian[..., 0, 0] * jacobian[..., 1, 1] - jacobian[..., 0, 1] * jacobian[..., 1, 0]
-            )
+            determinant = jacobian[..., 0, 0] * jacobian[..., 1, 1] - jacobian[..., 0, 1] * jacobian[..., 1, 0]
             step = (
                 np.stack(
                     [
@@ -186,9 +184,7 @@ def _invert_plane(target: FloatArray, dist_coeffs: FloatArray) -> FloatArray:
     return np.where(good[..., None], plane, np.nan)
 
 
-def _tilt(
-    plane: FloatArray, jacobian: FloatArray, tau_x: float, tau_y: float
-) -> tuple[FloatArray, FloatArray]:
+def _tilt(plane: FloatArray, jacobian: FloatArray, tau_x: float, tau_y: float) -> tuple[FloatArray, FloatArray]:
     """Apply the tilted-sensor homography of OpenCV's 14-coefficient model."""
     cx, sx, cy, sy = np.cos(tau_x), np.sin(tau_x), np.cos(tau_y), np.sin(tau_y)
     about_x = np.array([[1.0, 0.0, 0.0], [0.0, cx, sx], [0.0, -sx, cx]])

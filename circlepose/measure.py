@@ -19,6 +19,9 @@ _SPACING_PX = 1.5
 _PLACES = (48, 360)
 _OUTLIER = 4.0
 """Robust standard deviations beyond which an edge is not the rim's."""
+_FINEST_PX = 0.05
+"""An edge this close is the rim's, however well the others agree."""
+_TRIMS = 3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,16 +55,23 @@ def fit_rim(levels: Image, camera: Camera, contour: Contour, *, refine: bool = T
     reach = min(_REACH_PX, max(0.45 * float(contour.ellipse.semi_minor) + 0.5, 1.0))
     edges = locate_edges(levels, predicted[None], contour_normals(predicted[None]), np.array([reach]))
     points = edges.points[0][edges.valid[0]]
-    for _ in range(3):
-        refined = fit_cone(camera, points)
-        if refined is None:
+    refined = _without_outliers(camera, points)
+    return None if refined is None else _rim(camera, *refined, len(refined[1]) / places)
+
+
+def _without_outliers(camera: Camera, points: FloatArray) -> tuple[ConeFit, FloatArray] | None:
+    """Fit a cone to edge `points` (n, 2), leaving out those that stand apart; also returns the points in use."""
+    for _ in range(_TRIMS):
+        fit = fit_cone(camera, points)
+        if fit is None:
             return None
-        residual = np.abs(refined.residuals_px)
-        near = residual <= max(_OUTLIER * 1.4826 * float(np.median(residual)), 0.05)
+        residual = np.abs(fit.residuals_px)
+        near = residual <= max(_OUTLIER * 1.4826 * float(np.median(residual)), _FINEST_PX)
         if near.all():
-            break
+            return fit, points
         points = points[near]
-    return _rim(camera, refined, points, len(points) / places)
+    fit = fit_cone(camera, points)
+    return None if fit is None else (fit, points)
 
 
 def _rim(camera: Camera, fit: ConeFit, points: FloatArray, rim_used: float) -> Rim | None:
@@ -70,7 +80,7 @@ def _rim(camera: Camera, fit: ConeFit, points: FloatArray, rim_used: float) -> R
 
 
 def rim_pixels(camera: Camera, factor: FloatArray, number: int) -> FloatArray:
-    """Return `number` pixels (number, 2) of the rim of the cone with `factor` (3, 3); NaN out of the camera's sight."""
+    """Return `number` pixels (number, 2) of the rim of the cone with `factor` (3, 3); NaN where unseen."""
     angle = np.linspace(0.0, 2.0 * np.pi, number, endpoint=False)
     unit = np.stack([np.cos(angle), np.sin(angle), np.ones(number)], axis=-1)
     return camera.project(unit @ factor.T)

@@ -26,7 +26,7 @@ LEGEND = (
 
 _CONTOUR: Color = (255, 80, 255)
 _OTHER: Color = (205, 205, 205)
-_AXES: Color = (235, 235, 235)
+_AXES: Color = (225, 140, 60)
 _FAILED: Color = (70, 70, 255)
 _SHADOW: Color = (20, 20, 20)
 # BGR, told apart by hue and lightness also on grey photographs.
@@ -111,7 +111,7 @@ def draw_overlay(image: Image, result: ImageResult, camera: Camera) -> Image:
     methods = {circle.method: None for circle in result.circles}
     circles = [circle for circle in result.circles if circle.method == next(iter(methods))]
     _translucent(pen, 0.55, lambda soft: _draw_contours(soft, circles))
-    _translucent(pen, 0.45, lambda soft: _draw_axes(soft, circles))
+    _translucent(pen, 0.7, lambda soft: _draw_axes(soft, circles))
     for circle in circles:
         _draw_rim(pen, circle, camera)
     _draw_normals(pen, circles, camera)

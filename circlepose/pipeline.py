@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 
-
 from circlepose._typing import Image
 from circlepose.camera import Camera
 from circlepose.errors import ArgumentError
@@ -13,10 +12,10 @@ from circlepose.extraction.find import find_contours
 from circlepose.extraction.grey import to_grey
 from circlepose.extraction.intervals import axis_intervals
 from circlepose.measure import Rim, fit_rim
-from circlepose.pose import CircleResult, ImageResult, Status
-from circlepose.rings import find_ring_targets
-from circlepose.solvers import METHODS
+from circlepose.pose import CircleResult, Flag, ImageResult, Status
+from circlepose.rings import contradiction, find_ring_targets
 from circlepose.solutions import circle_results
+from circlepose.solvers import METHODS
 from circlepose.target import Target
 
 
@@ -83,7 +82,7 @@ def estimate(
         circles = _lone_circles(rims, camera, target, methods, rejected)
     else:
         circles = find_ring_targets(rims, camera, target, methods, rejected)
-    return _image_result(name, size, target, circles, rejected)
+    return _image_result(name, size, target, circles, rejected, contradiction(rims, target))
 
 
 def _lone_circles(
@@ -113,17 +112,20 @@ def _in_depth_range(results: list[CircleResult], target: Target) -> bool:
 
 
 def _image_result(
-    name: str, size: tuple[int, int], target: Target, circles: list[CircleResult], rejected: Counter[Rejection]
+    name: str, size: tuple[int, int], target: Target, circles: list[CircleResult], rejected: Counter[Rejection], incomplete: str
 ) -> ImageResult:
+    complete = {c.instance for c in circles if Flag.LONE_CIRCLE not in c.flags}
     counts = {str(reason): number for reason, number in sorted(rejected.items()) if number}
-    found = 1 + max((c.instance for c in circles), default=-1)
     status, reason = Status.OK, ""
-    if found == 0:
+    if not circles:
         status = Status.NO_CIRCLE
         reason = _why_none(rejected)
-    elif target.count is not None and found < target.count:
+    elif not complete:
         status = Status.TOO_FEW_CIRCLES
-        reason = f"{found} of {target.count} found"
+        reason = f"no complete target: one circle alone was measured, as the largest{incomplete}"
+    elif target.count is not None and len(complete) < target.count:
+        status = Status.TOO_FEW_CIRCLES
+        reason = f"{len(complete)} of {target.count} found"
     return ImageResult(name, status, reason, tuple(circles), size, counts)
 
 

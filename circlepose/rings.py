@@ -68,6 +68,23 @@ def find_ring_targets(
     return results
 
 
+def contradiction(rims: list[Rim], target: Target) -> str:
+    """Say which ratio of radii the nested rims in the image have, where it is not that of a coplanar `target`."""
+    if target.kind != "coplanar" or len(rims) < 2:
+        return ""
+    largest = rims[0].ellipse
+    nested = [
+        float(rim.ellipse.semi_major / largest.semi_major)
+        for rim in rims[1:]
+        if np.linalg.norm(rim.ellipse.center - largest.center) < 0.2 * largest.semi_minor
+    ]
+    if not nested:
+        return ""
+    seen = ", ".join(f"{ratio:.2f}" for ratio in sorted(nested, reverse=True)[:3])
+    asked = ", ".join(f"{radius / target.radii_mm[0]:.2f}" for radius in target.radii_mm[1:])
+    return f"; nested circles seen are {seen} of the largest, radii_mm asks for {asked}"
+
+
 def _best_second(
     first: int, solutions: Solutions, which: int, rims: list[Rim], camera: Camera, target: Target
 ) -> _Pair | None:
@@ -124,10 +141,10 @@ def _target_results(
             flags = tuple(f for f in result.flags if f is not Flag.AMBIGUOUS or chance >= 0.5)
             one = len(ranked) == 1
             results.append(replace(result, candidates=tuple(ranked), ambiguity=0.0 if one else chance, flags=flags))
-    return _with_generatrix(results, target) if target.kind == "coaxial" else results
+    return _with_generatrix(results) if target.kind == "coaxial" else results
 
 
-def _with_generatrix(results: list[CircleResult], target: Target) -> list[CircleResult]:
+def _with_generatrix(results: list[CircleResult]) -> list[CircleResult]:
     """Add to each candidate the rim to rim distance to the like candidate of the other circle."""
     done = []
     for result in results:

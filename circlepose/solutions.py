@@ -54,9 +54,7 @@ def circle_results(
     return results
 
 
-def _candidates(
-    solutions: Solutions, camera: Camera, reference: Solutions | str | None
-) -> tuple[Candidate, ...]:
+def _candidates(solutions: Solutions, camera: Camera, reference: Solutions | str | None) -> tuple[Candidate, ...]:
     candidates = []
     for center, normal in zip(solutions.centers, solutions.normals, strict=True):
         position = orientation = None

@@ -103,9 +103,7 @@ class Target:
         key = "radius_mm" if self.kind == "circle" else "radii_mm"
         for radius in self.radii_mm:
             if not (math.isfinite(radius) and radius > 0.0):
-                raise TargetError(
-                    f"{key}: expected a positive radius in mm (not a diameter), got {radius:g}."
-                )
+                raise TargetError(f"{key}: expected a positive radius in mm (not a diameter), got {radius:g}.")
         wanted = {"circle": "one radius", "coplanar": "two or more radii", "coaxial": "two radii"}[self.kind]
         number = len(self.radii_mm)
         enough = {"circle": number == 1, "coplanar": number >= 2, "coaxial": number == 2}[self.kind]

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from circlepose.camera import Camera, circle_contour
-from circlepose.conic import ellipse_from_conic, sampson_distance, transform_conic
 from circlepose.cone import cone_from_circle
+from circlepose.conic import ellipse_from_conic, sampson_distance, transform_conic
 from circlepose.errors import CalibrationError
 
 MATRIX = [[800.0, 0.0, 640.0], [0.0, 810.0, 480.0], [0.0, 0.0, 1.0]]
@@ -49,7 +49,7 @@ def test_fisheye_projection_is_opencvs():
 
 @every_camera
 def test_pixel_to_ray_to_pixel(camera):
-    x, y = np.meshgrid(np.linspace(160, 1120, 33), np.linspace(60, 900, 27))
+    x, y = np.meshgrid(np.linspace(160, 1120, 33), np.linspace(150, 810, 27))
     pixels = np.stack([x, y], axis=-1)
     rays = camera.rays(pixels)
     assert rays.shape == (27, 33, 3)
@@ -70,7 +70,8 @@ def test_derivatives_are_those_of_the_functions(camera):
     pixels, jacobian = camera.project_with_jacobian(points)
     step = 1e-4 * np.linalg.norm(points, axis=-1)[:, None]
     numeric = np.stack(
-        [(camera.project(points + step * e) - camera.project(points - step * e)) / (2 * step) for e in np.eye(3)], axis=-1
+        [(camera.project(points + step * e) - camera.project(points - step * e)) / (2 * step) for e in np.eye(3)],
+        axis=-1,
     )
     assert np.abs(numeric - jacobian).max() < 1e-5 * np.abs(jacobian).max()
     _, per_pixel = camera.rays_with_jacobian(pixels)

@@ -2,9 +2,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from cases import circle_case, circle_cases
 from hypothesis import given
 
-from cases import circle_case, circle_cases
 from circlepose.camera import circle_points
 from circlepose.cone import (
     cone_from_circle,
@@ -39,8 +39,12 @@ def test_dual_of_the_cone_is_the_product_of_the_factor(case):
     expected = dual_cone(factor)
     product = cone @ expected
     # Both are scaled differently: Q Q* is a multiple of the identity, zero for a degenerate cone.
-    np.testing.assert_allclose(product, product[0, 0] * np.eye(3), atol=1e-9 * np.abs(cone).max() * np.abs(expected).max())
-    closed_form = case.radius**2 * (np.eye(3) - np.outer(case.normal, case.normal)) - np.outer(case.center, case.center)
+    np.testing.assert_allclose(
+        product, product[0, 0] * np.eye(3), atol=1e-9 * np.abs(cone).max() * np.abs(expected).max()
+    )
+    closed_form = case.radius**2 * (np.eye(3) - np.outer(case.normal, case.normal)) - np.outer(
+        case.center, case.center
+    )
     np.testing.assert_allclose(expected, closed_form, atol=1e-12 * np.abs(closed_form).max())
 
 

@@ -39,15 +39,17 @@ def test_ellipse_to_matrix_and_back_is_the_identity(batch):
 @given(ellipses, st.floats(-10.0, 10.0).filter(lambda s: abs(s) > 1e-3))
 def test_a_conic_has_no_scale(ellipse, scale):
     back = cn.ellipse_from_conic(scale * cn.conic_from_ellipse(ellipse))
-    np.testing.assert_allclose(back.semi_major, ellipse.semi_major, rtol=1e-7)
-    np.testing.assert_allclose(back.semi_minor, ellipse.semi_minor, rtol=1e-7)
+    np.testing.assert_allclose(back.semi_major, ellipse.semi_major, rtol=1e-5)
+    np.testing.assert_allclose(back.semi_minor, ellipse.semi_minor, rtol=1e-5)
 
 
 @given(ellipses)
 def test_rim_points_lie_on_the_conic_and_at_distance_zero(ellipse):
     points = ellipse.points(24)
     conic = cn.conic_from_ellipse(ellipse)
-    tolerance = 1e-8 * (np.linalg.norm(ellipse.center) + ellipse.semi_major) / (ellipse.semi_minor / ellipse.semi_major)
+    tolerance = (
+        1e-8 * (np.linalg.norm(ellipse.center) + ellipse.semi_major) / (ellipse.semi_minor / ellipse.semi_major)
+    )
     assert np.abs(cn.sampson_distance(conic, points)).max() < tolerance
     assert np.abs(cn.signed_distance(ellipse, points)).max() < tolerance
 

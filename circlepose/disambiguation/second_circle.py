@@ -46,9 +46,7 @@ def ambiguity(misfit_chosen_px: float, misfit_other_px: float, noise_px: float) 
     return 1.0 / (1.0 + math.exp(min(log_odds, 700.0))) if log_odds > 0.0 else 0.5
 
 
-def generatrix_mm(
-    big: tuple[FloatArray, FloatArray, float], small: tuple[FloatArray, FloatArray, float]
-) -> float:
+def generatrix_mm(big: tuple[FloatArray, FloatArray, float], small: tuple[FloatArray, FloatArray, float]) -> float:
     """Return the rim to rim distance of two circles (centre, normal, radius) in their plane of symmetry.
 
     Fu & Zhou, section 3.3: height along the mean normal and difference of the radii make a right triangle.

@@ -6,11 +6,12 @@ from collections import Counter
 
 import numpy as np
 
-from circlepose._typing import FloatArray, Image
-from circlepose.conic import Ellipse, ellipse_from_conic
+from circlepose._typing import BoolArray, FloatArray, Image
+from circlepose.conic import Ellipse, rim_distance
+from circlepose.extraction.arcs import arcs
 from circlepose.extraction.contour import Rejection
 from circlepose.extraction.edges import edge_chains, pyramid
-from circlepose.fitting.direct import Contours, fit_conics
+from circlepose.fitting.direct import Contours, fit_ellipses
 from circlepose.target import AxisIntervals
 
 _LEVELS = 2
@@ -35,7 +36,7 @@ def rough_ellipses(grey8: Image, intervals: AxisIntervals) -> tuple[Ellipse, Cou
         large = [c for c in chains if _long_enough(c, scale, intervals)]
         rejected[Rejection.TOO_SHORT] += len(chains) - len(large)
         if large:
-            found = _fit(Contours.of(large), rejected)
+            found = _fit(Contours.of(large + [arc for chain in large for arc in arcs(chain)]), rejected)
             # pyrDown keeps pixel centres: (0, 0) stays (0, 0).
             parts.append((found.center * scale, found.semi_major * scale, found.semi_minor * scale, found.angle))
     if not parts:
@@ -46,12 +47,7 @@ def rough_ellipses(grey8: Image, intervals: AxisIntervals) -> tuple[Ellipse, Cou
     minor_ok = _within(2.0 * found.semi_minor, intervals.minor_px)
     rejected[Rejection.MAJOR_AXIS] += int(np.sum(~major_ok))
     rejected[Rejection.MINOR_AXIS] += int(np.sum(major_ok & ~minor_ok))
-    return take(found, major_ok & minor_ok), rejected
-
-
-def take(ellipse: Ellipse, which: FloatArray | np.ndarray[tuple[int], np.dtype[np.bool_]] | list[int]) -> Ellipse:
-    """Return the ellipses of a batch that `which` (mask or indices) names."""
-    return Ellipse(ellipse.center[which], ellipse.semi_major[which], ellipse.semi_minor[which], ellipse.angle[which])
+    return found[major_ok & minor_ok], rejected
 
 
 def _long_enough(chain: FloatArray, scale: float, intervals: AxisIntervals) -> bool:
@@ -68,34 +64,21 @@ def _fit(chains: Contours, rejected: Counter[Rejection]) -> Ellipse:
     weights = np.ones(len(chains.points))
     owner = chains.owner
     for _ in range(_TRIMS):
-        conics, found = fit_conics(chains, weights)
-        distance = np.minimum(np.abs(_distance(conics[owner], chains.points)), 1e6)
+        ellipse, found = fit_ellipses(chains, weights)
+        distance = np.abs(rim_distance(ellipse[owner], chains.points[:, None, :])[:, 0])
         spread = np.sqrt(chains.total(weights * distance**2) / np.maximum(chains.total(weights), 1e-9))
         scale = np.maximum(1.5 * spread, 0.7)[owner]
         weights = 1.0 / (1.0 + (distance / scale) ** 2) ** 2
-    chosen = np.flatnonzero(found)
-    ellipse = ellipse_from_conic(conics[chosen])
     near = np.maximum(_ROUGH_RMS_PX, _ROUGH_RMS_SHARE * 2.0 * ellipse.semi_minor)
-    allowed = np.zeros(len(found))
-    allowed[chosen] = near
-    # An arc of less than half the rim is not enough to go by: its points would not reach around.
-    on_rim = chains.total((distance < 2.0 * allowed[owner]).astype(np.float64))[chosen]
+    on_rim = chains.total((distance < 2.0 * near[owner]).astype(np.float64))
+    # A shorter arc says too little of the rest of the rim.
     perimeter = np.pi * (ellipse.semi_major + ellipse.semi_minor)
-    good = (on_rim >= 0.4 * perimeter) & (ellipse.semi_minor >= 1.0)
+    good = found & (on_rim >= 0.4 * perimeter) & (ellipse.semi_minor >= 1.0)
     rejected[Rejection.NOT_ELLIPTICAL] += len(found) - int(np.sum(good))
-    return take(ellipse, good)
+    return ellipse[good]
 
 
-def _distance(conics: FloatArray, points: FloatArray) -> FloatArray:
-    """First-order distance (n,) of points (n, 2), each to its own conic (n, 3, 3)."""
-    x, y = points[:, 0], points[:, 1]
-    lx = conics[:, 0, 0] * x + conics[:, 0, 1] * y + conics[:, 0, 2]
-    ly = conics[:, 0, 1] * x + conics[:, 1, 1] * y + conics[:, 1, 2]
-    value = x * lx + y * ly + conics[:, 0, 2] * x + conics[:, 1, 2] * y + conics[:, 2, 2]
-    return value / np.maximum(2.0 * np.hypot(lx, ly), 1e-300)
-
-
-def _within(length_px: FloatArray, interval: tuple[float, float] | None) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+def _within(length_px: FloatArray, interval: tuple[float, float] | None) -> BoolArray:
     if interval is None:
         return np.ones(len(length_px), dtype=np.bool_)
     return (length_px >= interval[0] - _SLACK_PX) & (length_px <= interval[1] + _SLACK_PX)

@@ -6,13 +6,13 @@ from collections import Counter
 
 import numpy as np
 
-from circlepose._typing import BoolArray, FloatArray, Image
-from circlepose.conic import Ellipse, ellipse_from_conic
-from circlepose.extraction.candidates import rough_ellipses, take
+from circlepose._typing import BoolArray, Image
+from circlepose.conic import Ellipse, rim_distance
+from circlepose.extraction.candidates import rough_ellipses
 from circlepose.extraction.contour import Contour, Extraction, Rejection
 from circlepose.extraction.grey import eight_bit
 from circlepose.extraction.rim import RimEdges, ellipse_rim, locate_edges
-from circlepose.fitting.direct import Contours, fit_conics
+from circlepose.fitting.direct import Contours, fit_ellipses
 from circlepose.target import AxisIntervals, Polarity
 
 _FIRST_REACH_PX = 4.0
@@ -49,7 +49,7 @@ def find_contours(
     rough = _without_repeats(rough)
     for reach in (_FIRST_REACH_PX, _LAST_REACH_PX):
         edges = _edges_along(levels, rough, reach)
-        rough, alive = _refit(rough, edges, rejected)
+        rough, alive = _refit(edges, rejected)
         edges = _rows(edges, alive)
     return _verify(levels, rough, edges, intervals, polarity, keep_concentric, rejected)
 
@@ -67,29 +67,20 @@ def _rows(edges: RimEdges, which: BoolArray) -> RimEdges:
     )
 
 
-def _refit(ellipse: Ellipse, edges: RimEdges, rejected: Counter[Rejection]) -> tuple[Ellipse, BoolArray]:
+def _refit(edges: RimEdges, rejected: Counter[Rejection]) -> tuple[Ellipse, BoolArray]:
     """Fit the ellipses again to the edges along them; returns those that have one, and which these are (m,)."""
     number, places = edges.valid.shape
     contours = Contours(edges.points.reshape(-1, 2), np.arange(number) * places)
     weights = edges.valid.astype(np.float64)
     for _ in range(3):
-        conics, found = fit_conics(contours, np.maximum(weights, 1e-9).reshape(-1))
-        residual = _residuals(conics, edges.points)
+        fitted, found = fit_ellipses(contours, np.maximum(weights, 1e-9).reshape(-1))
+        residual = rim_distance(fitted, edges.points)
         scale = 1.5 * np.median(np.where(edges.valid, np.abs(residual), 1e6), axis=1)
         scale = np.clip(scale, 0.1, 1.0)[:, None]
         weights = edges.valid / (1.0 + (residual / scale) ** 2) ** 2
     found &= edges.valid.sum(axis=1) >= 0.5 * _LEAST_RIM * places
     rejected[Rejection.TOO_LITTLE_RIM] += int(np.sum(~found))
-    refitted = ellipse_from_conic(conics[found])
-    return refitted, found
-
-
-def _residuals(conics: FloatArray, points: FloatArray) -> FloatArray:
-    """First-order distances (m, k) of points (m, k, 2) to conics (m, 3, 3)."""
-    homogeneous = np.concatenate([points, np.ones_like(points[..., :1])], axis=-1)
-    lines = homogeneous @ conics
-    value = np.sum(lines * homogeneous, axis=-1)
-    return value / np.maximum(2.0 * np.hypot(lines[..., 0], lines[..., 1]), 1e-300)
+    return fitted[found], found
 
 
 def _verify(
@@ -101,11 +92,9 @@ def _verify(
     keep_concentric: bool,
     rejected: Counter[Rejection],
 ) -> Extraction:
-    from circlepose.conic import conic_from_ellipse
-
     if len(ellipse.semi_major) == 0:
         return Extraction((), rejected)
-    residual = _residuals(conic_from_ellipse(ellipse), edges.points)
+    residual = rim_distance(ellipse, edges.points)
     tolerance = np.maximum(_TOLERANCE_PX, _TOLERANCE_SHARE * ellipse.semi_major)[:, None]
     on_rim = edges.valid & (np.abs(residual) <= tolerance)
     share = on_rim.mean(axis=1)
@@ -149,7 +138,7 @@ def _verify(
     contours = tuple(
         Contour(
             points=edges.points[i][on_rim[i]],
-            ellipse=take(ellipse, i),
+            ellipse=ellipse[i],
             polarity=int(edges.polarity[i]),
             step=float(step[i]),
             rim_used=float(share[i]),
@@ -190,7 +179,7 @@ def _without_repeats(ellipse: Ellipse) -> Ellipse:
         axis=1,
     )
     _, first = np.unique(np.round(key / 2.0).astype(np.int64), axis=0, return_index=True)
-    return take(ellipse, np.sort(first))
+    return ellipse[np.sort(first)]
 
 
 def _distinct(ellipse: Ellipse, ranked: list[int], keep_concentric: bool, rejected: Counter[Rejection]) -> list[int]:

@@ -12,12 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from circlepose._typing import BoolArray, FloatArray, IntArray
-from circlepose.conic import Ellipse, ellipse_from_conic, is_ellipse, transform_conic
+from circlepose.conic import Ellipse, ellipse_from_conic, is_ellipse
 
 MINIMUM_POINTS = 6
 """Five determine a conic; with one more there is something to fit."""
 _FLAT = 1e-7
 """Ratio of the points' spreads below which they lie on a line as far as a fit in float64 can tell."""
+_LONGEST = 1e4
+"""Semi-major axis, in units of the points' spread, from which an ellipse is as good as a parabola."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,14 +59,14 @@ def fit_ellipse(points: FloatArray, weights: FloatArray | None = None) -> Ellips
     """
     if len(points) < MINIMUM_POINTS:
         return None
-    conics, found = fit_conics(Contours.of([points]), weights)
-    return ellipse_from_conic(conics[0]) if found[0] else None
+    ellipses, found = fit_ellipses(Contours.of([points]), weights)
+    return ellipses[0] if found[0] else None
 
 
-def fit_conics(contours: Contours, weights: FloatArray | None = None) -> tuple[FloatArray, BoolArray]:
-    """Fit a conic to each contour; returns them (m, 3, 3) and whether each is a real ellipse (m,).
+def fit_ellipses(contours: Contours, weights: FloatArray | None = None) -> tuple[Ellipse, BoolArray]:
+    """Fit an ellipse to each contour; returns a batch of m and whether each was found (m,).
 
-    `weights` (n,) of the squared residuals. A contour without an ellipse has an arbitrary finite matrix.
+    `weights` (n,) of the squared residuals. Where none was found the batch holds a unit circle.
     """
     w = np.ones(len(contours.points)) if weights is None else weights
     owner = contours.owner
@@ -81,14 +83,18 @@ def fit_conics(contours: Contours, weights: FloatArray | None = None) -> tuple[F
     usable &= spread[:, 0] > _FLAT**2 * spread[:, 1]
     scatter = np.where(usable[:, None, None], scatter, np.eye(6))
     conics, solved = _solve(scatter)
-    usable &= solved
-    to_plane = np.zeros((len(scale), 3, 3))
-    to_plane[:, 0, 0] = to_plane[:, 1, 1] = scale
-    to_plane[:, :2, 2] = middle
-    to_plane[:, 2, 2] = 1.0
-    conics = transform_conic(conics, to_plane)
-    usable &= is_ellipse(conics)
-    return conics, usable
+    usable &= solved & is_ellipse(conics)
+    found = ellipse_from_conic(np.where(usable[:, None, None], conics, np.diag([1.0, 1.0, -1.0])))
+    usable &= found.semi_major < _LONGEST
+    return (
+        Ellipse(
+            center=found.center * scale[:, None] + middle,
+            semi_major=found.semi_major * scale,
+            semi_minor=found.semi_minor * scale,
+            angle=found.angle,
+        ),
+        usable,
+    )
 
 
 def _solve(scatter: FloatArray) -> tuple[FloatArray, BoolArray]:

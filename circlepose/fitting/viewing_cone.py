@@ -14,8 +14,8 @@ import numpy as np
 from circlepose._typing import FloatArray
 from circlepose.camera import Camera
 from circlepose.cone import SIGNATURE, plane_basis
-from circlepose.fitting.direct import fit_ellipse
 from circlepose.conic import Ellipse, wrap_half_turn
+from circlepose.fitting.direct import fit_ellipse
 
 
 @dataclass(frozen=True, slots=True, eq=False)

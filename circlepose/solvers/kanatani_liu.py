@@ -53,5 +53,3 @@ def poses_from_factor(factor: FloatArray, radius: float) -> tuple[FloatArray, Fl
         return None
     inverse = np.linalg.inv(factor)
     return poses_from_cone(inverse.T @ (np.array([1.0, 1.0, -1.0])[:, None] * inverse), radius)
-
-

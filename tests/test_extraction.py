@@ -1,0 +1,205 @@
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from circlepose.camera import Camera
+from circlepose.conic import Ellipse, signed_distance
+from circlepose.errors import ArgumentError
+from circlepose.extraction.contour import Rejection
+from circlepose.extraction.find import find_contours
+from circlepose.extraction.grey import eight_bit, to_grey
+from circlepose.extraction.intervals import axis_intervals
+from circlepose.extraction.rim import contour_normals, ellipse_rim, locate_edges, sample
+from circlepose.target import AxisIntervals, Target
+
+FREE = AxisIntervals()
+
+
+def draw(*ellipses: Ellipse, levels=(40.0,), background=200.0, size=(320, 240), blur=0.8, noise=0.0) -> np.ndarray:
+    """Ellipses with area-sampled edges, from the exact distance to each rim."""
+    width, height = size
+    y, x = np.mgrid[0:height, 0:width]
+    pixels = np.stack([x.ravel(), y.ravel()], axis=-1).astype(float)
+    image = np.full((height, width), background)
+    for ellipse, level in zip(ellipses, np.resize(levels, len(ellipses)), strict=True):
+        cover = np.clip(0.5 - signed_distance(ellipse, pixels), 0.0, 1.0).reshape(height, width)
+        image = image + (level - image) * cover
+    image = cv2.GaussianBlur(image, (0, 0), blur) + noise * np.random.default_rng(0).normal(size=image.shape)
+    return np.clip(np.rint(image), 0, 255).astype(np.uint8)
+
+
+def ellipse(x=160.3, y=118.7, a=60.0, b=35.0, angle=0.4) -> Ellipse:
+    return Ellipse.from_axes([x, y], [a, b], angle)
+
+
+def test_an_ellipse_is_found_to_a_fraction_of_a_pixel():
+    truth = ellipse()
+    found = find_contours(draw(truth, noise=1.0), FREE).contours
+    assert len(found) == 1
+    np.testing.assert_allclose(found[0].ellipse.center, truth.center, atol=0.02)
+    np.testing.assert_allclose(found[0].ellipse.semi_major, truth.semi_major, atol=0.02)
+    np.testing.assert_allclose(found[0].ellipse.semi_minor, truth.semi_minor, atol=0.02)
+    assert found[0].polarity == 1
+    assert found[0].rim_used > 0.99
+    assert "darker inside" in found[0].kept_because
+
+
+@pytest.mark.parametrize("radius", [3.5, 5.0, 8.0, 20.0, 100.0])
+def test_from_a_few_pixels_to_large(radius):
+    truth = ellipse(a=radius, b=0.9 * radius)
+    found = find_contours(draw(truth, noise=1.0), FREE).contours
+    assert len(found) == 1
+    np.testing.assert_allclose(found[0].ellipse.semi_major, radius, atol=0.1)
+
+
+def test_polarity_is_told_and_obeyed():
+    image = draw(
+        ellipse(x=90.0, a=40.0, b=30.0), ellipse(x=230.0, a=40.0, b=30.0), levels=(20.0, 240.0), background=130.0
+    )
+    assert {c.polarity for c in find_contours(image, FREE).contours} == {1, -1}
+    for polarity, sign in (("dark", 1), ("bright", -1)):
+        found = find_contours(image, FREE, polarity)
+        assert [c.polarity for c in found.contours] == [sign]
+        assert found.rejected[Rejection.POLARITY] == 1
+
+
+def test_axis_intervals_select_and_count_what_they_reject():
+    image = draw(ellipse(x=80.0, a=50.0, b=40.0), ellipse(x=230.0, a=30.0, b=12.0))
+    by_major = find_contours(image, AxisIntervals(major_px=(90.0, 110.0)))
+    assert len(by_major.contours) == 1
+    by_minor = find_contours(image, AxisIntervals(minor_px=(20.0, 30.0)))
+    assert [round(float(c.ellipse.semi_minor)) for c in by_minor.contours] == [12]
+    assert by_minor.rejected[Rejection.MINOR_AXIS] >= 1
+
+
+def test_the_most_evident_contour_comes_first():
+    image = draw(ellipse(x=80.0, a=50.0, b=40.0), ellipse(x=230.0, a=50.0, b=40.0), levels=(150.0, 20.0))
+    first, second = find_contours(image, FREE).contours
+    assert first.step > second.step
+    assert first.evidence > second.evidence
+
+
+def test_nested_rims_count_once_unless_rings_are_wanted():
+    image = draw(ellipse(a=60.0, b=45.0), ellipse(a=36.0, b=27.0), levels=(30.0, 220.0))
+    assert [round(float(c.ellipse.semi_major)) for c in find_contours(image, FREE).contours] == [60]
+    rings = find_contours(image, FREE, keep_concentric=True).contours
+    assert sorted(round(float(c.ellipse.semi_major)) for c in rings) == [36, 60]
+
+
+def test_straight_edged_shapes_are_no_circles():
+    image = np.full((240, 320), 200, np.uint8)
+    cv2.rectangle(image, (40, 40), (110, 110), 30, -1)
+    cv2.fillPoly(image, [np.array([[200, 40], [280, 60], [230, 150]])], 30)
+    cv2.putText(image, "XKWE", (40, 210), cv2.FONT_HERSHEY_SIMPLEX, 1.5, 0, 3)
+    found = find_contours(cv2.GaussianBlur(image, (0, 0), 0.8), FREE)
+    assert not found.contours
+    assert sum(found.rejected.values()) > 0
+
+
+def test_a_disc_touched_by_a_bar_is_found():
+    truth = ellipse()
+    image = draw(truth)
+    cv2.rectangle(image, (205, 0), (225, 239), 40, -1)
+    found = find_contours(cv2.GaussianBlur(image, (0, 0), 0.6), FREE).contours
+    assert found
+    np.testing.assert_allclose(found[0].ellipse.center, truth.center, atol=0.3)
+
+
+@pytest.mark.parametrize(
+    "image", [np.zeros((5, 5)), np.full((200, 300), 255), np.eye(2) * 99], ids=["tiny", "white", "2x2"]
+)
+def test_images_without_anything(image):
+    assert find_contours(image.astype(np.uint8), FREE).contours == ()
+
+
+def test_sixteen_bit_images_use_their_own_range():
+    truth = ellipse()
+    narrow = (draw(truth, noise=1.0).astype(np.uint16) * 4 + 30000).astype(np.uint16)
+    found = find_contours(narrow, FREE).contours
+    np.testing.assert_allclose(found[0].ellipse.center, truth.center, atol=0.02)
+
+
+def test_edges_are_found_from_a_prediction_that_is_off():
+    truth = ellipse()
+    image = draw(truth, blur=1.0)
+    predicted = Ellipse.from_axes(truth.center[None] + [[1.2, -0.8]], [[61.0, 36.0]], [0.41])
+    points, normals = ellipse_rim(predicted, 90)
+    edges = locate_edges(image, points, normals, np.array([4.0]))
+    assert edges.valid.mean() > 0.95
+    assert np.abs(signed_distance(truth, edges.points[0][edges.valid[0]])).max() < 0.1
+
+
+@pytest.mark.parametrize("radius", [6.0, 12.0, 40.0])
+def test_the_edge_of_a_blurred_disc_is_not_drawn_inwards(radius):
+    truth = ellipse(a=radius, b=radius, angle=0.0)
+    image = draw(truth, blur=1.2).astype(np.float32)
+    points, normals = ellipse_rim(Ellipse.from_axes(truth.center[None], [[radius, radius]], [0.0]), 180)
+    edges = locate_edges(image, points, normals, np.array([3.0]))
+    # Without the correction the edge of the smallest would be 0.12 px too far in.
+    assert abs(np.mean(edges.offset_px[edges.valid])) < 0.035
+
+
+def test_normals_of_a_contour_point_outwards():
+    points = ellipse().points(100)[None]
+    for contour in (points, points[:, ::-1]):
+        normals = contour_normals(contour)
+        assert np.all(signed_distance(ellipse(), (contour + 2.0 * normals)[0]) > 1.9)
+
+
+def test_bilinear_sampling_of_a_ramp_is_exact_and_the_outside_is_marked():
+    ramp = np.add.outer(2.0 * np.arange(20), 3.0 * np.arange(30)).astype(np.float32)
+    level, inside = sample(ramp, np.array([[4.25, 7.5], [29.0, 19.0], [-0.1, 3.0], [3.0, 19.5], [np.nan, 1.0]]))
+    np.testing.assert_allclose(level[:2], [3 * 4.25 + 2 * 7.5, 3 * 29 + 2 * 19], atol=1e-3)
+    assert inside.tolist() == [True, True, False, False, False]
+
+
+@pytest.mark.parametrize(
+    ("image", "expected"),
+    [
+        (np.full((4, 5, 3), (10, 20, 30), np.uint8), 22),
+        (np.full((4, 5, 4), (10, 20, 30, 0), np.uint8), 22),
+        (np.full((4, 5, 1), 7, np.uint8), 7),
+        (np.full((4, 5), 700, np.uint16), 700),
+        (np.full((4, 5), 0.5), 0.5),
+        (np.ones((4, 5), bool), 255),
+    ],
+    ids=["bgr", "bgra", "one channel", "16 bit", "float", "bool"],
+)
+def test_grey(image, expected):
+    grey = to_grey(image)
+    assert grey.shape == (4, 5)
+    assert np.all(grey == expected)
+
+
+@pytest.mark.parametrize("image", [np.zeros(5), np.zeros((0, 4)), np.zeros((3, 3, 7)), np.zeros((3, 3), complex)])
+def test_what_is_no_image_is_refused(image):
+    with pytest.raises(ArgumentError, match="image"):
+        to_grey(image)
+
+
+def test_eight_bit_uses_the_whole_range():
+    stretched = eight_bit(np.array([[1000, 1100], [1200, 1300]], np.uint16))
+    assert (stretched.min(), stretched.max()) == (0, 255)
+    assert np.all(eight_bit(np.full((3, 3), 9, np.uint16)) == 0)
+
+
+CAMERA = Camera.create([[1000.0, 0, 320], [0, 1000.0, 240], [0, 0, 1]])
+
+
+def test_intervals_given_are_used():
+    given = AxisIntervals(major_px=(10.0, 20.0))
+    target = Target.circle(50.0, axis_intervals=given, depth_range_mm=(500.0, 1000.0))
+    assert axis_intervals(target, CAMERA, (640, 480)) is given
+
+
+def test_intervals_from_radius_and_depth_hold_the_frontal_circle():
+    low, high = axis_intervals(Target.circle(50.0, depth_range_mm=(500.0, 1000.0)), CAMERA, (640, 480)).major_px
+    assert low < 2.0 * 50.0 / 1000.0 * 1000.0 < 2.0 * 50.0 / 500.0 * 1000.0 < high
+    assert low > 60.0
+    assert high < 300.0
+
+
+def test_no_interval_without_a_depth_range():
+    assert axis_intervals(Target.circle(50.0), CAMERA, (640, 480)).major_px is None
