@@ -11,7 +11,7 @@ import os
 import signal
 import threading
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Generator, Iterable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
@@ -79,7 +79,7 @@ def _measure_file(item: WorkItem, options: MeasureOptions) -> ImageResult:
     try:
         image = read_image(item.path)
     except ImageError as error:
-        return ImageResult(image=item.name, status=Status(error.status), reason=str(error))
+        return ImageResult(image=item.name, status=Status(error.status), reason=_without_name(error, item))
     result = pipeline.estimate(
         image,
         item.camera,
@@ -94,6 +94,11 @@ def _measure_file(item: WorkItem, options: MeasureOptions) -> ImageResult:
     return result
 
 
+def _without_name(error: ImageError, item: WorkItem) -> str:
+    """Return what is wrong with the image; its name is told with every result."""
+    return str(error).removeprefix(f"{item.path}: ").rstrip(".")
+
+
 def _write_overlay(path: Path, image: Image, result: ImageResult, camera: Camera) -> None:
     from circlepose.overlay import draw_overlay  # noqa: PLC0415 - drawing is rarely asked for
 
@@ -105,7 +110,7 @@ def _write_overlay(path: Path, image: Image, result: ImageResult, camera: Camera
 
 def measure_files(
     items: Iterable[WorkItem], options: MeasureOptions, jobs: int | None = None
-) -> Iterator[ImageResult]:
+) -> Generator[ImageResult, None, None]:
     """Measure `items`, yielding results in their order, each as soon as it and those before it are there.
 
     Parameters

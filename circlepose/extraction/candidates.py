@@ -11,6 +11,7 @@ from circlepose.conic import Ellipse, rim_distance
 from circlepose.extraction.arcs import arcs
 from circlepose.extraction.contour import Rejection
 from circlepose.extraction.edges import edge_chains, pyramid
+from circlepose.extraction.grouping import joined_arcs
 from circlepose.fitting.direct import Contours, fit_ellipses
 from circlepose.target import AxisIntervals
 
@@ -33,10 +34,16 @@ def rough_ellipses(grey8: Image, intervals: AxisIntervals) -> tuple[Ellipse, Cou
     for level, image in enumerate(pyramid(grey8, _LEVELS)):
         scale = 2.0**level
         chains = edge_chains(image, _SHORTEST)
-        large = [c for c in chains if _long_enough(c, scale, intervals)]
+        shortest, longest = _extents(intervals, scale, image)
+        extents = [float(np.max(np.ptp(chain, axis=0))) for chain in chains]
+        large = [chain for chain, extent in zip(chains, extents, strict=True) if extent >= shortest]
         rejected[Rejection.TOO_SHORT] += len(chains) - len(large)
-        if large:
-            found = _fit(Contours.of(large + [arc for chain in large for arc in arcs(chain)]), rejected)
+        # A chain that is too long has merged with something, or is none; its arcs may still be of a rim.
+        whole = [chain for chain, extent in zip(chains, extents, strict=True) if shortest <= extent <= longest]
+        pieces = [arc for chain in large for arc in arcs(chain)]
+        hypotheses = [*whole, *pieces, *joined_arcs(pieces, longest)]
+        if hypotheses:
+            found = _fit(Contours.of(hypotheses), rejected)
             # pyrDown keeps pixel centres: (0, 0) stays (0, 0).
             parts.append((found.center * scale, found.semi_major * scale, found.semi_minor * scale, found.angle))
     if not parts:
@@ -50,13 +57,13 @@ def rough_ellipses(grey8: Image, intervals: AxisIntervals) -> tuple[Ellipse, Cou
     return found[major_ok & minor_ok], rejected
 
 
-def _long_enough(chain: FloatArray, scale: float, intervals: AxisIntervals) -> bool:
-    extent = scale * float(np.max(np.ptp(chain, axis=0)))
+def _extents(intervals: AxisIntervals, scale: float, image: Image) -> tuple[float, float]:
+    """Return the smallest and largest extent (px of a reduced `image`) that a rim's chain can have."""
     if intervals.major_px is None:
-        return True
+        return 0.0, 1.5 * max(image.shape)
     low, high = intervals.major_px
     # An ellipse's box is at least major/sqrt(2) wide; a chain of part of a rim may be half that.
-    return 0.35 * low - _SLACK_PX <= extent <= 1.5 * high + 2.0 * _SLACK_PX
+    return (0.35 * low - _SLACK_PX) / scale, (1.1 * high + 2.0 * _SLACK_PX) / scale
 
 
 def _fit(chains: Contours, rejected: Counter[Rejection]) -> Ellipse:

@@ -19,7 +19,7 @@ _FIRST_REACH_PX = 4.0
 _LAST_REACH_PX = 2.5
 _PLACES = 72
 """Places along the rim at which a candidate is verified."""
-_LEAST_RIM = 0.6
+_LEAST_RIM = 0.55
 _LEAST_STEP = 0.012
 """Lowest edge, as a share of the grey range in use."""
 _TOLERANCE_PX = 0.75

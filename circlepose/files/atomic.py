@@ -31,14 +31,15 @@ def atomic_writer(path: str | os.PathLike[str], *, binary: bool = False) -> Abst
     place = Path(os.path.realpath(path))
     # os.path, unlike Path, does not raise where a folder may not be searched; opening the file then says so.
     is_device = os.path.exists(place) and not os.path.isfile(place)  # noqa: PTH110, PTH113
-    return _direct(place, binary) if is_device else _renamed(place, binary)
+    name = os.fspath(path)
+    return _opened(place, name, "w", binary) if is_device else _renamed(place, name, binary)
 
 
 @contextmanager
-def _renamed(place: Path, binary: bool) -> Iterator[IO[Any]]:
+def _renamed(place: Path, name: str, binary: bool) -> Iterator[IO[Any]]:
     temporary = place.with_name(f".circlepose-{secrets.token_hex(8)}.part")
+    handle = _opened(temporary, name, "x", binary)
     try:
-        handle = _opened(temporary, place, binary, "x")
         with handle:
             yield handle
             handle.flush()
@@ -46,27 +47,22 @@ def _renamed(place: Path, binary: bool) -> Iterator[IO[Any]]:
         temporary.replace(place)
     except OSError as reason:
         if reason.errno in _STORAGE_FAILS or reason.filename in (str(temporary), str(place)):
-            raise OutputError(f"{place}: cannot be written ({reason.strerror}).") from None
+            raise OutputError(f"{name}: cannot be written ({reason.strerror}).") from None
         raise
     finally:
         temporary.unlink(missing_ok=True)
 
 
-@contextmanager
-def _direct(place: Path, binary: bool) -> Iterator[IO[Any]]:
-    with _opened(place, place, binary, "w") as handle:
-        yield handle
-
-
-def _opened(file: Path, place: Path, binary: bool, mode: str) -> IO[Any]:
+def _opened(file: Path, name: str, mode: str, binary: bool) -> IO[Any]:
+    """Open `file` on behalf of the file that the caller calls `name`."""
     try:
         if binary:
             return file.open(mode + "b")
         return file.open(mode, encoding="utf-8", errors="surrogateescape", newline="")
     except FileNotFoundError:
-        raise OutputError(f"{place}: the folder {place.parent} does not exist; make it first.") from None
+        raise OutputError(f"{name}: the folder {Path(name).parent} does not exist; make it first.") from None
     except IsADirectoryError:
-        raise OutputError(f"{place}: is a folder; give the name of a file.") from None
+        raise OutputError(f"{name}: is a folder; give the name of a file.") from None
     except (OSError, ValueError) as reason:
         why = getattr(reason, "strerror", None) or reason
-        raise OutputError(f"{place}: cannot be written ({why}).") from None
+        raise OutputError(f"{name}: cannot be written ({why}).") from None

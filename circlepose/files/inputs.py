@@ -60,12 +60,12 @@ def _images(parts: list[list[str]], base: str | None, stdin: Iterable[str] | Ite
             yield from _from_stdin(stdin)
             continue
         for path in part:
-            # Path() drops ./ and doubled slashes but, rightly, no `..`.
-            plain = str(Path(path))
-            if plain not in seen:
-                seen.add(plain)
-                name = path if base is None else Path(os.path.relpath(path, base)).as_posix()
-                yield InputImage(Path(path), name)
+            # Path drops ./ and doubled slashes but, rightly, no `..`.
+            file = Path(path)
+            if str(file) not in seen:
+                seen.add(str(file))
+                name = path if base is None else path[len(base) :].lstrip(os.sep).replace(os.sep, "/")
+                yield InputImage(file, name)
 
 
 def _from_stdin(lines: Iterable[str] | Iterable[bytes]) -> Iterator[InputImage]:
@@ -110,7 +110,9 @@ def _in_folder(typed: str, recursive: bool) -> list[str]:
     if not recursive and any(_listed(folder, recursive=True)[0] for folder in folders):
         raise UsageError(f"{typed}: holds no image itself, but folders in it do; add --recursive.")
     if others:
-        raise UsageError(f"{typed}: holds no image, only {_some(others)}.")
+        raise UsageError(
+            f"{typed}: holds no image, only {_some(others)}; images end in .png, .jpg, .tif and the like."
+        )
     raise UsageError(f"{typed}: is an empty folder; expected images in it.")
 
 
@@ -132,7 +134,7 @@ def _listed(folder: str, recursive: bool) -> tuple[list[str], list[str], list[st
 
 def is_image_name(name: str) -> bool:
     """Whether the ending of a file's name is that of an image."""
-    return Path(name).suffix.lower() in IMAGE_SUFFIXES
+    return os.path.splitext(name)[1].lower() in IMAGE_SUFFIXES  # noqa: PTH122 - for a million names
 
 
 def _is_folder(path: str) -> bool:
@@ -146,4 +148,4 @@ def _refuse_folder(error: OSError) -> None:
 
 def _some(paths: list[str]) -> str:
     names = ", ".join(Path(each).name for each in paths[:3])
-    return f"{len(paths)} other(s) ({names}{', ...' if len(paths) > 3 else ''})"
+    return f"{len(paths)} other file{'s' if len(paths) > 1 else ''} ({names}{', ...' if len(paths) > 3 else ''})"

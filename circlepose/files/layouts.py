@@ -53,7 +53,7 @@ def table1_rows(result: ImageResult) -> Iterator[Row]:
     Differences are to their method; its own rows, and runs of a single method, have none.
     """
     for circle in result.circles:
-        row: Row = {"Method": circle.method, "Image": _label(result, circle, by_method=False)}
+        row: Row = {"Method": circle.method, "Image": _label(result, circle)}
         if circle.candidates:
             chosen = circle.candidates[circle.chosen]
             is_reference = circle.method == _REFERENCE_METHOD
@@ -78,7 +78,7 @@ def table2_rows(result: ImageResult) -> Iterator[Row]:
         if (circle.instance, circle.method) in seen:
             continue
         seen.add((circle.instance, circle.method))
-        scene = _label(result, circle, by_method=True)
+        scene = _scene(result, circle)
         if not circle.candidates:
             yield {"Scene": scene, "UN": circle.status}
         order = sorted(range(len(circle.candidates)), key=lambda number: number != circle.chosen)
@@ -130,14 +130,20 @@ def write_results(results: Iterable[ImageResult], handle: TextIO, *, data_format
         records.write_json_lines(schema, plain_rows, results, handle)
 
 
-def _label(result: ImageResult, circle: CircleResult, *, by_method: bool) -> str:
-    """Name the image, and the circle and method too where the image has several."""
+def _label(result: ImageResult, circle: CircleResult) -> str:
+    """Name the image, and the circle in it where there are several."""
+    several = len({(c.instance, c.circle) for c in result.circles}) > 1
+    return f"{result.image} [{circle.instance} {circle.circle}]" if several else result.image
+
+
+def _scene(result: ImageResult, circle: CircleResult) -> str:
+    """Name the image, and the target and method where there are several."""
     parts = []
-    if len({(c.instance, c.circle) for c in result.circles}) > 1:
-        parts.append(f"{circle.instance} {circle.circle}")
-    if by_method and len({c.method for c in result.circles}) > 1:
+    if len({c.instance for c in result.circles}) > 1:
+        parts.append(str(circle.instance))
+    if len({c.method for c in result.circles}) > 1:
         parts.append(circle.method)
-    return f"{result.image} [{', '.join(parts)}]" if parts else result.image
+    return f"{result.image} [{' '.join(parts)}]" if parts else result.image
 
 
 def _vector(values: FloatArray) -> Vector:

@@ -92,13 +92,24 @@ def _grid(value: object, where: str, key: str) -> FloatArray:
 
 
 def _grid_of_mapping(value: Mapping[str, object], where: str, key: str) -> FloatArray:
-    missing = [name for name in ("rows", "cols", "data") if name not in value]
-    if missing:
-        raise CalibrationError(f"{where}: {key}: a matrix has rows, cols and data; {missing[0]} is missing.")
-    rows, cols = number(value["rows"], where, f"{key}.rows"), number(value["cols"], where, f"{key}.cols")
-    data = number_list(value["data"], where, f"{key}.data")
+    rows, cols = _shape_of_mapping(value, where, key)
+    data = number_list(value.get("data"), where, f"{key}.data")
     if not (rows.is_integer() and cols.is_integer() and rows >= 0.0 and rows * cols == len(data)):
         raise CalibrationError(
             f"{where}: {key}: {rows:g} rows of {cols:g} columns need {rows * cols:g} numbers, data has {len(data)}."
         )
     return np.array(data, dtype=np.float64).reshape(int(rows), int(cols))
+
+
+def _shape_of_mapping(value: Mapping[str, object], where: str, key: str) -> tuple[float, float]:
+    sizes = value.get("sizes")
+    if sizes is not None:
+        # OpenCV 5 writes a vector as an array of one size; XML does not tell one number from a list of one.
+        lengths = number_list(sizes if isinstance(sizes, list) else [sizes], where, f"{key}.sizes")
+        if len(lengths) not in {1, 2}:
+            raise CalibrationError(f"{where}: {key}: expected a matrix or a vector, got {len(lengths)} sizes.")
+        return lengths[0], lengths[1] if len(lengths) == 2 else 1.0
+    for name in ("rows", "cols", "data"):
+        if name not in value:
+            raise CalibrationError(f"{where}: {key}: a matrix has rows, cols and data; {name} is missing.")
+    return number(value["rows"], where, f"{key}.rows"), number(value["cols"], where, f"{key}.cols")

@@ -25,9 +25,7 @@ _PINHOLE_WORDS = ("pinhole", "opencv", "plumbbob", "radtan", "radialtangential",
 
 def recognises(entries: Mapping[str, object]) -> bool:
     """Whether a matrix stands under one of the names of a camera matrix."""
-    return any(
-        _MATRIX_KEY.fullmatch(_plain(key)) and _is_matrix(value) for key, value in entries.items()
-    )
+    return any(_MATRIX_KEY.fullmatch(_plain(key)) and _is_matrix(value) for key, value in entries.items())
 
 
 def read(entries: Mapping[str, object], where: str, camera_name: str | None) -> tuple[Camera, tuple[str, ...]]:

@@ -14,6 +14,7 @@ from circlepose._typing import FloatArray
 from circlepose.errors import CalibrationError
 from circlepose.files.yaml_text import MatrixNode, parse_yaml
 
+_MATRIX_TYPES = ("opencv-matrix", "opencv-nd-matrix")
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?\.(?i:inf)|\.(?i:nan)")
 # Strings are matched first, so that nothing inside one is touched.
 _JSON_QUIRK = re.compile(r'("(?:\\.|[^"\\])*")|//[^\n]*|(-?)\.(Nan|Inf)\b|(\d\.)(?=[^\d])')
@@ -80,7 +81,7 @@ def _json_object(pairs: list[tuple[str, object]]) -> dict[str, object]:
         if key in entries:
             raise ValueError(f"the key {key!r} is given twice")
         entries[key] = value
-    return MatrixNode(entries) if entries.get("type_id") == "opencv-matrix" else entries
+    return MatrixNode(entries) if entries.get("type_id") in _MATRIX_TYPES else entries
 
 
 def _parse_xml(text: str, name: str) -> dict[str, object]:
@@ -110,7 +111,7 @@ def _xml_value(node: ElementTree.Element) -> object:
     if all(child.tag == "_" for child in node):
         return [_xml_value(child) for child in node]
     entries = _json_object([(child.tag, _xml_value(child)) for child in node])
-    return MatrixNode(entries) if node.get("type_id") == "opencv-matrix" else entries
+    return MatrixNode(entries) if node.get("type_id") in _MATRIX_TYPES else entries
 
 
 def _xml_scalars(text: str, *, is_list: bool) -> object:

@@ -81,8 +81,8 @@ def read_scenes(path: str | os.PathLike[str]) -> SceneFile:
         image = view.image or (Path(name).stem if form.views is None else None)
         if image is None:
             raise SceneError(f"{where}: image: is missing; expected {_View.model_fields['image'].description}.")
-        if Path(image).name != image or image.startswith("."):
-            raise SceneError(f"{where}: image: expected a name without folder, got {shown(image)}.")
+        if Path(image).name != image or image.startswith(".") or image.endswith(".png"):
+            raise SceneError(f"{where}: image: expected a name without folder and suffix, got {shown(image)}.")
         if image in (scene.name for scene in scenes):
             raise SceneError(f"{where}: image: {image!r} is the name of an earlier view; give each view its own.")
         # Two images with the same noise would be no independent ones.

@@ -156,7 +156,9 @@ def text(value: str) -> str:
 
 def spreadsheet_text(value: str) -> str:
     """Return `value` with an apostrophe before it where a spreadsheet would run it as a formula."""
-    return f"'{value}" if value.startswith(_FORMULA_STARTS) else value
+    safe = f"'{value}" if value.startswith(_FORMULA_STARTS) else value
+    # Python's csv leaves a lone carriage return unquoted, and readers then see a line end.
+    return safe.replace("\r", "\\r")
 
 
 def write_csv(results: Iterable[ImageResult], handle: TextIO) -> None:

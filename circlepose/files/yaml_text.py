@@ -12,7 +12,7 @@ from circlepose.errors import CircleposeError
 
 
 class MatrixNode(dict[str, object]):
-    """A matrix as an OpenCV file states it (rows, cols, dt, data), not yet checked."""
+    """A matrix as an OpenCV file states it (rows and cols, or sizes; dt, data), not yet checked."""
 
 
 class _Loader(yaml.SafeLoader):
@@ -29,8 +29,8 @@ class _Loader(yaml.SafeLoader):
             seen.add(key.value)
         return super().construct_mapping(node, deep)
 
-    def construct_matrix(self, node: yaml.Node) -> MatrixNode:
-        """Build the value of the tag `!!opencv-matrix`."""
+    def construct_matrix(self, _: str, node: yaml.Node) -> MatrixNode:
+        """Build the value of the tags `!!opencv-matrix` and, of OpenCV 5's vectors, `!!opencv-nd-matrix`."""
         if not isinstance(node, yaml.MappingNode):
             raise yaml.constructor.ConstructorError(
                 problem="an opencv-matrix has the keys rows, cols, dt and data", problem_mark=node.start_mark
@@ -58,7 +58,7 @@ for _tag, _pattern, _first in (
     _Loader.add_implicit_resolver(_CORE + _tag, re.compile(f"^{_pattern}$"), _first)
 _Loader.add_constructor(_CORE + "int", _Loader.construct_int)
 _Loader.add_constructor(_CORE + "float", _Loader.construct_float)
-_Loader.add_constructor(_CORE + "opencv-matrix", _Loader.construct_matrix)
+_Loader.add_multi_constructor(_CORE + "opencv-", _Loader.construct_matrix)
 
 
 def parse_yaml(text: str, name: str, error: type[CircleposeError]) -> dict[str, object]:

@@ -36,10 +36,10 @@ class Canvas:
         """Rows and columns of the canvas."""
         return self.size[1] + 2 * self.margin, self.size[0] + 2 * self.margin
 
-    def cells(self, index: PixelIndex, number: int = 1) -> Cells:
+    def cells(self, index: PixelIndex, number: int = 1, tent: bool = False) -> Cells:
         """Return the `number` x `number` cells of the pixels at `index`."""
         pixels = np.stack([index[1] - self.margin, index[0] - self.margin], axis=-1)
-        return cells_of(self.camera, pixels.astype(np.float64), number)
+        return cells_of(self.camera, pixels.astype(np.float64), number, tent)
 
 
 def chunks(mask: BoolArray) -> Iterator[PixelIndex]:

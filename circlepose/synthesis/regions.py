@@ -51,7 +51,7 @@ class CircleRegion:
         value = np.einsum("...i,...i->...", rays, image)
         gradient = 2.0 * np.einsum("...i,...ij->...j", image, jacobian)
         hessian = 2.0 * np.swapaxes(jacobian, -1, -2) @ (cone @ jacobian)
-        covered = quadratic_coverage(value, gradient, hessian, cells.size)
+        covered = quadratic_coverage(value, gradient, hessian, cells)
         # The cone is double: its other half lies behind the camera.
         ahead = (rays @ normal) * np.dot(normal, center) > 0.0
         return np.where(ahead, covered, 0.0)
@@ -72,9 +72,9 @@ class ShapeRegion:
     def coverage(self, cells: Cells) -> FloatArray:
         """Return the covered fraction from the shape's signed distance."""
         if self.plane is None:
-            return _flat_coverage(self.shape, cells.pixels, None, cells.size)
+            return _flat_coverage(self.shape, cells.pixels, None, cells)
         points, jacobian = plane_coordinates(self.plane, cells)
-        return _flat_coverage(self.shape, points, jacobian, cells.size)
+        return _flat_coverage(self.shape, points, jacobian, cells)
 
     def rims(self, camera: Camera) -> list[FloatArray]:
         """Return the rim."""
@@ -171,17 +171,17 @@ def plane_coordinates(plane: Plane, cells: Cells) -> tuple[FloatArray, FloatArra
         return points, depth[..., None, None] * (shear @ cells.ray_jacobian)
 
 
-def _flat_coverage(shape: Shape, points: FloatArray, jacobian: FloatArray | None, size: float) -> FloatArray:
+def _flat_coverage(shape: Shape, points: FloatArray, jacobian: FloatArray | None, cells: Cells) -> FloatArray:
     seen = np.isfinite(points[..., 0])
     if jacobian is None and isinstance(shape, Round):
         offset = points - np.array(shape.at)
         value = np.einsum("...i,...i->...", offset, offset) - shape.radius**2
-        return quadratic_coverage(value, 2.0 * offset, np.broadcast_to(2.0 * np.eye(2), (*value.shape, 2, 2)), size)
+        return quadratic_coverage(value, 2.0 * offset, np.broadcast_to(2.0 * np.eye(2), (*value.shape, 2, 2)), cells)
     distance, gradient = signed_distance(shape, np.where(seen[..., None], points, 0.0))
     if jacobian is not None:
         gradient = np.einsum("...i,...ij->...j", gradient, jacobian)
     steepness = np.maximum(np.linalg.norm(gradient, axis=-1), 1e-300)
-    covered = half_plane_coverage(-distance / steepness, gradient / steepness[..., None], size)
+    covered = half_plane_coverage(-distance / steepness, gradient / steepness[..., None], cells)
     return np.where(seen, covered, 0.0)
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from circlepose._typing import FloatArray, Image
 from circlepose.synthesis.canvas import Canvas, PixelIndex, Traced, chunks, trace
-from circlepose.synthesis.coverage import blur_weights
+from circlepose.synthesis.coverage import Cells, blur_weights, takes_tents
 from circlepose.synthesis.layers import layers
 from circlepose.synthesis.scene import Circle, Paint, Scene, Shading
 from circlepose.synthesis.texture import add_noise, mottle
@@ -81,10 +81,11 @@ def render_float(scene: Scene, oversampling: int = OVERSAMPLING) -> FloatArray:
     within = crossed[reach : canvas.shape[0] - reach, reach : canvas.shape[1] - reach]
     rows, columns = (at + reach for at in np.nonzero(within))
     step = max(1, _CHUNK_CELLS // oversampling**2)
+    tent = takes_tents(scene.blur_px, oversampling)
     spread: list[tuple[PixelIndex, FloatArray]] = []
     for start in range(0, len(rows), step):
         index = (rows[start : start + step], columns[start : start + step])
-        levels = _cell_levels(canvas, scene.background, stack, index, oversampling)
+        levels = _cell_levels(canvas.cells(index, oversampling, tent), scene.background, stack, index)
         mean = levels.mean(axis=(1, 2))
         image[index] = mean
         spread.append((index, weights @ (levels - mean[:, None, None]) @ weights.T))
@@ -136,11 +137,8 @@ def _flat_image(canvas: Canvas, background: Paint, stack: list[list[Traced]]) ->
     return image
 
 
-def _cell_levels(
-    canvas: Canvas, background: Paint, stack: list[list[Traced]], index: PixelIndex, number: int
-) -> FloatArray:
-    """Return the grey levels (n, number, number) of the cells of the pixels at `index`."""
-    cells = canvas.cells(index, number)
+def _cell_levels(cells: Cells, background: Paint, stack: list[list[Traced]], index: PixelIndex) -> FloatArray:
+    """Return the grey levels (n, number, number) of `cells`, those of the pixels at `index`."""
     levels = np.full(cells.pixels.shape[:-1], background.level, dtype=np.float64)
     if background.texture is not None:
         levels += mottle(background.texture, cells.pixels)

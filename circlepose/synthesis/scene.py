@@ -238,6 +238,8 @@ class CoaxialPart:
         _place(self, self.form)
         _check_radii(self.form, self.radii_mm)
         _check("height_mm", self.height_mm, above=0.0)
+        if np.dot(self.normal, self.small_center_mm) >= 0.0:
+            raise SceneError("boss: its top faces away from the camera; give a smaller height or another pose.")
 
     @property
     def kind(self) -> Kind:

@@ -1,0 +1,137 @@
+from __future__ import annotations
+
+import io
+import math
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from circlepose.errors import CalibrationError, TargetError
+from circlepose.files.source import MAX_BYTES, read_source
+from circlepose.files.yaml_text import MatrixNode, parse_yaml
+
+
+def parse(text: str) -> dict[str, object]:
+    return parse_yaml(text, "f.yaml", CalibrationError)
+
+
+@given(st.floats(allow_nan=False, allow_infinity=False))
+def test_every_float_that_python_writes_is_read_back(value: float) -> None:
+    assert parse(f"a: {value!r}")["a"] == value
+
+
+@pytest.mark.parametrize("text", [".Inf", "-.Inf", ".inf", "+.INF"])
+def test_infinities_as_opencv_and_yaml_write_them(text: str) -> None:
+    assert parse(f"a: {text}")["a"] == math.copysign(math.inf, -1 if text[0] == "-" else 1)
+
+
+@pytest.mark.parametrize("text", [".Nan", ".nan", ".NaN", ".NAN"])
+def test_nan_as_opencv_and_yaml_write_it(text: str) -> None:
+    value = parse(f"a: {text}")["a"]
+    assert isinstance(value, float)
+    assert math.isnan(value)
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("1e-3", 0.001),
+        ("1.", 1.0),
+        (".5", 0.5),
+        ("-1E+5", -1e5),
+        ("010", 10),
+        ("1:30", "1:30"),
+        ("no", "no"),
+        ("true", True),
+        ("~", None),
+        ("2024-01-01", "2024-01-01"),
+        ("60 mm", "60 mm"),
+        ("60,5", "60,5"),
+        ('"1"', "1"),
+    ],
+)
+def test_plain_values_mean_what_they_look_like(text: str, value: object) -> None:
+    read = parse(f"a: {text}")["a"]
+    assert read == value
+    assert type(read) is type(value)
+
+
+@pytest.mark.parametrize(
+    "header", ["", "%YAML:1.0\n", "%YAML:1.0\n---\n", "%YAML 1.2\n---\n", "%YAML 1.1\r\n---\r\n"]
+)
+def test_headers_of_every_opencv_are_taken(header: str) -> None:
+    assert parse(f"{header}a: 1\n") == {"a": 1}
+
+
+def test_opencv_matrix_tag() -> None:
+    matrix = parse("m: !!opencv-matrix\n   rows: 1\n   cols: 2\n   dt: d\n   data: [ 1., 2. ]\n")["m"]
+    assert isinstance(matrix, MatrixNode)
+    assert matrix == {"rows": 1, "cols": 2, "dt": "d", "data": [1.0, 2.0]}
+
+
+def test_the_closing_line_of_a_recorded_message_is_no_second_document() -> None:
+    assert parse("a: 1\n---\n") == {"a": 1}
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("a: 1\nb: 2\na: 3\n", "line 3: .*'a' is given twice"),
+        ("%YAML:1.0\n---\nb:\n  a: 1\n  a: 3\n", "line 5: .*'a' is given twice"),
+        ("a: [1, 2\n", "is not valid YAML"),
+        ("a: !!python/object/apply:os.system ['true']\n", "is not valid YAML"),
+        ("a: !!opencv-matrix 3\n", "rows, cols, dt and data"),
+        ("a: 1\n---\nb: 2\n", "holds 2 YAML documents"),
+        ("[1, 2]\n", "expected keys and values"),
+        ("just words\n", "expected keys and values"),
+        ("# a remark\n", "expected keys and values"),
+        ("? [1]\n: 2\n", "is not valid YAML"),
+        (f"a: {'9' * 5000}\n", "is not valid YAML"),
+        (f"a: {'[' * 5000}\n", "nested too deeply"),
+        ("a: &x [*x]\nb: *y\n", "is not valid YAML"),
+        ("a: \x07\n", "is not valid YAML"),
+    ],
+)
+def test_what_is_no_mapping_is_told_with_its_line(text: str, says: str) -> None:
+    with pytest.raises(CalibrationError, match=says) as caught:
+        parse(text)
+    assert str(caught.value).startswith("f.yaml")
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        (b"", "is empty"),
+        (b" \n\t\n", "is empty"),
+        (b"\x00\x01\x02", "binary"),
+        (b"\x89PNG\r\n\x1a\n\x00\x00", "binary"),
+        (b"\x1f\x8b\x08", "binary"),
+        (b"name: M\xfcller", "is not UTF-8 text .byte 7."),
+        (b"a" * (MAX_BYTES + 1), "larger than 10 MB"),
+    ],
+)
+def test_files_that_cannot_be_meant(tmp_path: Path, content: bytes, says: str) -> None:
+    path = tmp_path / "f.yaml"
+    path.write_bytes(content)
+    for source in (path, str(path), content):
+        with pytest.raises(TargetError, match=says):
+            read_source(source, TargetError)
+
+
+def test_missing_file_and_folder(tmp_path: Path) -> None:
+    with pytest.raises(CalibrationError, match=r"none\.yaml: there is no such file"):
+        read_source(tmp_path / "none.yaml", CalibrationError)
+    with pytest.raises(CalibrationError, match="is a folder"):
+        read_source(tmp_path, CalibrationError)
+    with pytest.raises(CalibrationError, match="cannot be opened"):
+        read_source("a\0b", CalibrationError)
+    with pytest.raises(CalibrationError, match="cannot be opened"):
+        read_source("x" * 5000, CalibrationError)
+
+
+def test_handles_and_a_byte_order_mark() -> None:
+    assert read_source(io.StringIO("a: 1"), CalibrationError) == ("a: 1", "<stream>")
+    assert read_source(io.BytesIO(b"\xef\xbb\xbfa: 1"), CalibrationError) == ("a: 1", "<stream>")
