@@ -12,7 +12,8 @@ from circlepose.conic import Ellipse
 from circlepose.extraction.contour import Contour
 from circlepose.extraction.rim import contour_normals, locate_edges
 from circlepose.fitting.direct import fit_ellipse
-from circlepose.fitting.viewing_cone import ConeFit, fit_cone
+from circlepose.fitting.thin_ellipse import are_thin, fit_thin_ellipse
+from circlepose.fitting.viewing_cone import ConeFit, factor_from_ellipse, fit_cone
 
 _REACH_PX = 2.5
 _SPACING_PX = 1.5
@@ -22,6 +23,9 @@ _OUTLIER = 4.0
 _FINEST_PX = 0.05
 """An edge this close is the rim's, however well the others agree."""
 _TRIMS = 3
+_THIN_PLACES = 48
+_WORST_RMS = 0.25
+"""Largest rms residual, as a share of the contrast, with which a fit to the levels is believed."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,6 +46,10 @@ def fit_rim(levels: Image, camera: Camera, contour: Contour, *, refine: bool = T
 
     Without `refine` the contour's own points are fitted and no edge is placed again.
     """
+    if are_thin(contour.ellipse):
+        thin = _thin_rim(levels, camera, contour.ellipse)
+        if thin is not None:
+            return thin
     fit = fit_cone(camera, contour.points)
     if fit is None:
         return None
@@ -57,6 +65,20 @@ def fit_rim(levels: Image, camera: Camera, contour: Contour, *, refine: bool = T
     points = edges.points[0][edges.valid[0]]
     refined = _without_outliers(camera, points)
     return None if refined is None else _rim(camera, *refined, len(refined[1]) / places)
+
+
+def _thin_rim(levels: Image, camera: Camera, start: Ellipse) -> Rim | None:
+    """Fit a rim whose two sides, and all of its tips, are too close for edges to be placed."""
+    fitted = fit_thin_ellipse(levels, start)
+    if fitted is None or fitted.rms_levels > _WORST_RMS * fitted.peak_levels:
+        return None
+    points = fitted.ellipse.points(_THIN_PLACES)
+    factor = factor_from_ellipse(camera, fitted.ellipse)
+    if factor is None:
+        return None
+    # There are no edge points, whose scatter the residuals would be.
+    cone = ConeFit(factor, np.full(len(points), fitted.error_px))
+    return Rim(cone, points, fitted.ellipse, 1.0)
 
 
 def _without_outliers(camera: Camera, points: FloatArray) -> tuple[ConeFit, FloatArray] | None:

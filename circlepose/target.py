@@ -21,6 +21,14 @@ class AxisIntervals:
     major_px: tuple[float, float] | None = None
     minor_px: tuple[float, float] | None = None
 
+    def holds_major(self, length_px: float) -> bool:
+        """Tell whether a major axis of `length_px` is accepted."""
+        return self.major_px is None or self.major_px[0] <= length_px <= self.major_px[1]
+
+    def holds_minor(self, length_px: float) -> bool:
+        """Tell whether a minor axis of `length_px` is accepted."""
+        return self.minor_px is None or self.minor_px[0] <= length_px <= self.minor_px[1]
+
     def __post_init__(self) -> None:
         for name, interval in (("major", self.major_px), ("minor", self.minor_px)):
             if interval is not None:

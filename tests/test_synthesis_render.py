@@ -24,8 +24,14 @@ from circlepose.synthesis.scene import (
     Shading,
     Texture,
 )
+from circlepose.synthesis.texture import add_noise, mottle
 
 WHITE, BLACK = Paint(200.0), Paint(40.0)
+MOTTLE = (-12.46448029712558, -3.347987134204284, 6.3728873851673065)
+NOISE = (
+    (0.637782270296595, 2.531668679065534, 1.515406611704528),
+    (-1.5094487434868067, -1.0478446400200883, 2.286700934668402),
+)
 
 
 def make_camera(focal: float, size: tuple[int, int], dist_coeffs: tuple[float, ...] = (), model: str = "pinhole"):
@@ -58,17 +64,19 @@ def grey_moments(image: FloatArray, outside: float = 200.0, inside: float = 40.0
 
 @pytest.mark.parametrize("lens", CAMERAS)
 @pytest.mark.parametrize("tilt_deg", [0.0, 40.0, 75.0])
-@pytest.mark.parametrize("blur_px", [0.0, 0.3, 0.7, 1.5])
-def test_area_and_centroid_are_those_of_the_projected_rim(lens: str, tilt_deg: float, blur_px: float) -> None:
+@pytest.mark.parametrize(("blur_px", "tolerance_px"), [(0.0, 6e-4), (0.7, 5e-5)])
+def test_area_and_centroid_are_those_of_the_projected_rim(
+    lens: str, tilt_deg: float, blur_px: float, tolerance_px: float
+) -> None:
     camera = CAMERAS[lens]
     depth = 0.55 * float(camera.camera_matrix[0, 0])
     tilt = math.radians(tilt_deg)
     disc = Disc((20.0, -13.0, depth), (math.sin(tilt), 0.3 * math.sin(tilt), -math.cos(tilt)), 30.0, BLACK)
     image = render_float(Scene(camera, (disc,), blur_px=blur_px))
-    area, centroid = polygon_moments(circle_contour(camera, disc.center_mm, disc.normal, 30.0, 100_000))
+    area, centroid = polygon_moments(circle_contour(camera, disc.center_mm, disc.normal, 30.0, 20_000))
     found_area, found_centroid = grey_moments(image)
     assert found_area == pytest.approx(area, rel=3e-6)
-    np.testing.assert_allclose(found_centroid, centroid, atol=5e-5)
+    np.testing.assert_allclose(found_centroid, centroid, rtol=0.0, atol=tolerance_px)
 
 
 def test_area_is_that_of_the_ellipse() -> None:
@@ -78,7 +86,7 @@ def test_area_is_that_of_the_ellipse() -> None:
     ellipse = ellipse_from_conic(inverse.T @ cone_from_circle(disc.center_mm, disc.normal, 25.0) @ inverse)
     area, centroid = grey_moments(render_float(Scene(camera, (disc,), blur_px=0.0)))
     assert area == pytest.approx(math.pi * float(ellipse.semi_major * ellipse.semi_minor), rel=1e-6)
-    np.testing.assert_allclose(centroid, ellipse.center, atol=2e-5)
+    np.testing.assert_allclose(centroid, ellipse.center, rtol=0.0, atol=2e-4)
 
 
 @pytest.mark.parametrize("minor_px", [3.0, 1.0, 0.3, 0.05])
@@ -87,7 +95,7 @@ def test_sliver_keeps_its_area(minor_px: float) -> None:
     # Seen from the plane's side by such an angle that the ellipse's full minor axis is minor_px.
     sine = minor_px / (2.0 * 30.0 * 600.0 / 500.0)
     disc = Disc((0.0, 0.0, 500.0), (0.1, -math.sqrt(1.0 - sine**2) * 0.995, -sine), 30.0, BLACK)
-    area, _ = polygon_moments(circle_contour(camera, disc.center_mm, disc.normal, 30.0, 100_000))
+    area, _ = polygon_moments(circle_contour(camera, disc.center_mm, disc.normal, 30.0, 20_000))
     found, _ = grey_moments(render_float(Scene(camera, (disc,))))
     assert found == pytest.approx(area, rel=2e-3)
 
@@ -97,7 +105,7 @@ def test_edge_on_disc_is_not_seen() -> None:
     np.testing.assert_allclose(render_float(Scene(CAMERAS["pinhole"], (disc,))), 200.0, atol=1e-4)
 
 
-@pytest.mark.parametrize(("blur_px", "tolerance"), [(0.0, 1e-3), (0.5, 0.05), (0.7, 0.02), (1.2, 0.005)])
+@pytest.mark.parametrize(("blur_px", "tolerance"), [(0.0, 1e-3), (0.5, 2e-2), (0.7, 1e-2), (1.2, 3e-3)])
 @pytest.mark.parametrize("offset", [0.0, 0.13, 0.5])
 def test_straight_edge_is_blurred_by_lens_and_pixel(blur_px: float, tolerance: float, offset: float) -> None:
     """The profile of an edge along the columns: a step, a Gaussian and a box of one pixel, in closed form."""
@@ -115,7 +123,7 @@ def test_straight_edge_is_blurred_by_lens_and_pixel(blur_px: float, tolerance: f
             return blur_px * (z * 0.5 * (1 + erf(z / math.sqrt(2))) + np.exp(-z * z / 2) / math.sqrt(2 * math.pi))
 
         covered = 1.0 - (integral(x + 0.5) - integral(x - 0.5))
-    np.testing.assert_allclose(row, 200.0 - 160.0 * covered, atol=tolerance)
+    np.testing.assert_allclose(row, 200.0 - 160.0 * covered, rtol=0.0, atol=tolerance)
 
 
 def test_converges_with_the_number_of_cells() -> None:
@@ -123,8 +131,8 @@ def test_converges_with_the_number_of_cells() -> None:
     exact = render_float(scene, 30)
     errors = [float(np.abs(render_float(scene, cells) - exact).max()) for cells in (2, 4, 6, 12)]
     assert errors[0] > errors[1] > errors[2] > errors[3]
-    assert errors[2] < 0.1
-    assert errors[3] < 0.03
+    assert errors[2] < 0.01
+    assert errors[3] < 0.001
 
 
 def test_is_smooth_in_the_pose() -> None:
@@ -195,75 +203,6 @@ def test_a_plane_that_passes_under_the_camera_ends_at_its_horizon() -> None:
     np.testing.assert_allclose(image[31:], 40.0, atol=1e-6)
 
 
-def traced(part: CoaxialPart, camera: Camera, plate: float, samples: int) -> FloatArray:
-    """An image by tracing rays through the part: discs and lateral cone by their equations, nothing shared."""
-    assert camera.image_size is not None
-    width, height = camera.image_size
-    sub = (np.arange(samples) + 0.5) / samples - 0.5
-    x = (np.arange(width)[:, None] + sub).ravel()
-    y = (np.arange(height)[:, None] + sub).ravel()
-    rays = camera.rays(np.stack(np.meshgrid(x, y), axis=-1))
-    big, small = part.circles
-    n, along = part.normal, rays @ part.normal
-
-    def disc(center: FloatArray, radius: float) -> FloatArray:
-        depth = (center @ n) / along
-        miss = np.linalg.norm(depth[..., None] * rays - center, axis=-1) > radius
-        return np.where(miss, np.inf, depth)
-
-    at_big, at_small = disc(big.center, big.radius), disc(small.center, small.radius)
-    # Points p = t r with a = (p - c).n and |p - c|^2 - a^2 = (R + k a)^2.
-    reach = float((small.center - big.center) @ n)
-    k = (small.radius - big.radius) / reach
-    start = -float(big.center @ n)
-    a = 1.0 - along**2 - (k * along) ** 2
-    b = -(rays @ big.center) - along * start - (big.radius + k * start) * k * along
-    c = float(big.center @ big.center) - start**2 - (big.radius + k * start) ** 2
-    root = np.sqrt(np.maximum(b * b - a * c, 0.0))
-    wall = np.full(along.shape, np.inf)
-    for depth in ((-b - root) / a, (-b + root) / a):
-        axial = depth * along + start
-        # Through a recess's mouth the wall is met behind the mouth; a wall's outer side is not there.
-        usable = (b * b > a * c) & (depth > 0.0) & (axial * (axial - reach) <= 0.0)
-        if part.form == "recess":
-            usable &= depth >= at_big * (1.0 - 1e-12)
-        wall = np.where(usable & (depth < wall), depth, wall)
-    if part.form == "boss":
-        first = np.minimum(wall, at_small)
-        level = np.where(at_small <= wall, part.cap.level, part.side.level)
-        level = np.where(np.isinf(np.minimum(first, at_big)), plate, level)
-        level = np.where(np.isinf(first) & np.isfinite(at_big), part.side.level, level)
-    else:
-        level = np.where(at_small < wall, part.cap.level, part.side.level)
-        level = np.where(np.isinf(at_big), plate, level)
-    return level.reshape(height, samples, width, samples).mean(axis=(1, 3))
-
-
-@pytest.mark.parametrize("form", ["boss", "recess"])
-@pytest.mark.parametrize("normal", [(0.02, 0.0, -1.0), (0.25, 0.1, -1.0), (0.6, -0.3, -1.0), (-1.0, 0.4, -0.6)])
-def test_coaxial_part_is_seen_as_rays_see_it(form: str, normal: tuple[float, float, float]) -> None:
-    camera = make_camera(170.0, (120, 100), (-0.2, 0.05, 0.001, 0.0))
-    part = CoaxialPart((8.0, -6.0, 260.0), normal, (45.0, 30.0), 30.0, form, Paint(60.0), Paint(220.0))
-    image = render_float(Scene(camera, (part,), Paint(150.0), blur_px=0.0))
-    reference = traced(part, camera, 150.0, 12)
-    # The reference's point samples are good to about 1/(2 samples) of a pixel that an edge runs along.
-    assert float(np.abs(image - reference).max()) < 8.0
-    assert float(np.abs((image - reference).mean())) < 0.01
-    assert float(np.sqrt(np.mean((image - reference) ** 2))) < 0.25
-
-
-def test_coinciding_rims_let_nothing_through() -> None:
-    """On the far side of a steep boss cap and body end together: the dark side must not show between."""
-    camera = make_camera(400.0, (200, 160))
-    bright = CoaxialPart((0.0, 0.0, 400.0), (0.8, 0.0, -1.0), (30.0, 29.0), 40.0, "boss", Paint(0.0), WHITE)
-    disc = Disc(bright.small_center_mm, bright.normal, 29.0, WHITE)
-    scene = Scene(camera, (bright,), Paint(100.0))
-    beside = slice(105, 200)
-    np.testing.assert_allclose(
-        render_float(scene)[:, beside], render_float(replace(scene, targets=(disc,)))[:, beside], atol=1e-6
-    )
-
-
 def test_ring_target_and_marks_are_nested_discs() -> None:
     camera = CAMERAS["pinhole"]
     pose = ((5.0, 4.0, 300.0), (0.3, 0.2, -1.0))
@@ -308,16 +247,19 @@ def test_levels_beyond_the_scale_are_clipped() -> None:
     assert 190 < image[:, :5].mean() < 215
 
 
-def test_texture_has_the_amplitude_asked_and_does_not_change_the_edge() -> None:
-    camera = make_camera(600.0, (640, 480))
-    plain = render_float(Scene(camera, background=Paint(120.0, Texture(10.0, 8.0, seed=2))))
+def test_texture_has_the_amplitude_asked() -> None:
+    plain = render_float(Scene(make_camera(600.0, (640, 480)), background=Paint(120.0, Texture(10.0, 8.0, seed=2))))
     assert float(plain.std()) == pytest.approx(10.0, rel=0.15)
     assert float(plain.mean()) == pytest.approx(120.0, abs=1.0)
-    # The pattern is a function of the seed alone, on any machine and version.
-    np.testing.assert_allclose(plain[100, 100:103], GOLDEN_MOTTLE, atol=1e-6)
 
 
-GOLDEN_MOTTLE = (0.0, 0.0, 0.0)
+def test_patterns_depend_on_the_seed_alone() -> None:
+    """Stored samples and their truth must be made again, bit by bit but for rounding, on any machine."""
+    points = np.array([[0.0, 0.0], [3.5, -7.25], [1e4, 123.4]])
+    np.testing.assert_allclose(mottle(Texture(10.0, 8.0, seed=2), points), MOTTLE, rtol=1e-9)
+    noise = np.zeros((2, 3))
+    add_noise(noise, 2.0, 7)
+    np.testing.assert_allclose(noise, NOISE, rtol=1e-9)
 
 
 def test_truth_is_towards_the_camera_and_in_the_targets_order() -> None:

@@ -12,7 +12,9 @@ from circlepose.extraction.candidates import rough_ellipses
 from circlepose.extraction.contour import Contour, Extraction, Rejection
 from circlepose.extraction.grey import eight_bit
 from circlepose.extraction.rim import RimEdges, ellipse_rim, locate_edges
+from circlepose.extraction.slivers import find_slivers
 from circlepose.fitting.direct import Contours, fit_ellipses
+from circlepose.fitting.thin_ellipse import are_thin
 from circlepose.target import AxisIntervals, Polarity
 
 _FIRST_REACH_PX = 4.0
@@ -43,11 +45,31 @@ def find_contours(
     `keep_concentric` also returns contours inside others of the same centre (rings).
     """
     rough, rejected = rough_ellipses(eight_bit(grey), intervals)
-    if len(rough.semi_major) == 0:
-        return Extraction((), rejected)
     levels = grey.astype(np.float32) if grey.dtype != np.uint8 else grey
     rough = _without_repeats(rough)
+    slivers: list[Contour] = []
+    if intervals.major_px is not None:
+        # Without a length to expect, every thin line of an image would be a circle seen edge-on.
+        thin = are_thin(rough)
+        slivers = find_slivers(levels, rough[thin], intervals, polarity, rejected)
+        rough = rough[~thin]
+    contours = _find_open(levels, rough, intervals, polarity, keep_concentric, rejected)
+    contours = [c for c in contours if not any(_same(c.ellipse, s.ellipse) for s in slivers)]
+    return Extraction(tuple(sorted([*slivers, *contours], key=lambda c: -c.evidence)), rejected)
+
+
+def _find_open(
+    levels: Image,
+    rough: Ellipse,
+    intervals: AxisIntervals,
+    polarity: Polarity,
+    keep_concentric: bool,
+    rejected: Counter[Rejection],
+) -> list[Contour]:
+    """Contours with an inside wider than the blur, verified on the edge along their rims."""
     for reach in (_FIRST_REACH_PX, _LAST_REACH_PX):
+        if len(rough) == 0:
+            return []
         edges = _edges_along(levels, rough, reach)
         rough, alive = _refit(edges, rejected)
         edges = _rows(edges, alive)
@@ -91,9 +113,9 @@ def _verify(
     polarity: Polarity,
     keep_concentric: bool,
     rejected: Counter[Rejection],
-) -> Extraction:
-    if len(ellipse.semi_major) == 0:
-        return Extraction((), rejected)
+) -> list[Contour]:
+    if len(ellipse) == 0:
+        return []
     residual = rim_distance(ellipse, edges.points)
     tolerance = np.maximum(_TOLERANCE_PX, _TOLERANCE_SHARE * ellipse.semi_major)[:, None]
     on_rim = edges.valid & (np.abs(residual) <= tolerance)
@@ -106,6 +128,8 @@ def _verify(
     wanted = {"any": 0.0, "dark": 1.0, "bright": -1.0}[polarity]
     perimeter = np.pi * (ellipse.semi_major + ellipse.semi_minor)
     evidence = share * perimeter * step / (1.0 + (rms / 0.5) ** 2)
+    # Where slivers are looked for, they have a way of their own.
+    thin = are_thin(ellipse) & (intervals.major_px is not None)
     kept: list[int] = []
     for i in np.argsort(-evidence, kind="stable"):
         reason = None
@@ -113,10 +137,12 @@ def _verify(
             intervals.minor_px is None and 2.0 * ellipse.semi_minor[i] < _LEAST_AXES_PX[1]
         ):
             reason = Rejection.TOO_SHORT
-        elif not _inside(2.0 * ellipse.semi_major[i], intervals.major_px):
+        elif not intervals.holds_major(2.0 * float(ellipse.semi_major[i])):
             reason = Rejection.MAJOR_AXIS
-        elif not _inside(2.0 * ellipse.semi_minor[i], intervals.minor_px):
+        elif not intervals.holds_minor(2.0 * float(ellipse.semi_minor[i])):
             reason = Rejection.MINOR_AXIS
+        elif thin[i]:
+            reason = Rejection.NOT_ELLIPTICAL
         elif share[i] < (_LEAST_RIM if ragged[i] < 0.5 else _CLEAN_RIM):
             reason = Rejection.TOO_LITTLE_RIM
         elif ragged[i] > 1.0:
@@ -135,7 +161,7 @@ def _verify(
         rejected[Rejection.WEAK_EDGE] += len(kept) - len(strong)
         kept = strong
     kept = _distinct(ellipse, kept, keep_concentric, rejected)
-    contours = tuple(
+    return [
         Contour(
             points=edges.points[i][on_rim[i]],
             ellipse=ellipse[i],
@@ -146,21 +172,16 @@ def _verify(
             evidence=float(evidence[i]),
         )
         for i in kept
-    )
-    return Extraction(contours, rejected)
+    ]
 
 
-def _inside(length_px: float, interval: tuple[float, float] | None) -> bool:
-    return interval is None or interval[0] <= length_px <= interval[1]
-
-
-def _same(ellipse: Ellipse, i: int, others: list[int]) -> BoolArray:
-    """Tell which of `others` is the same edge as ellipse i: everything within 1.5 px or 3 %."""
-    near = np.maximum(1.5, 0.03 * ellipse.semi_major[i])
-    return (
-        (np.linalg.norm(ellipse.center[others] - ellipse.center[i], axis=1) < near)
-        & (np.abs(ellipse.semi_major[others] - ellipse.semi_major[i]) < near)
-        & (np.abs(ellipse.semi_minor[others] - ellipse.semi_minor[i]) < near)
+def _same(first: Ellipse, others: Ellipse) -> BoolArray:
+    """Tell which of the batch `others` (or whether the one) is the same edge: everything within 1.5 px or 3 %."""
+    near = np.maximum(1.5, 0.03 * first.semi_major)
+    return np.asarray(
+        (np.linalg.norm(others.center - first.center, axis=-1) < near)
+        & (np.abs(others.semi_major - first.semi_major) < near)
+        & (np.abs(others.semi_minor - first.semi_minor) < near)
     )
 
 
@@ -186,7 +207,7 @@ def _distinct(ellipse: Ellipse, ranked: list[int], keep_concentric: bool, reject
     """Keep the first of each set of equal edges and, unless `keep_concentric`, the outermost of nested ones."""
     kept: list[int] = []
     for i in ranked:
-        if kept and np.any(_same(ellipse, i, kept)):
+        if kept and np.any(_same(ellipse[i], ellipse[kept])):
             rejected[Rejection.DUPLICATE] += 1
         else:
             kept.append(i)

@@ -37,9 +37,7 @@ def joined_arcs(arcs: list[FloatArray], longest_px: float) -> list[FloatArray]:
         return []
     points = np.concatenate([samples[first], samples[second]], axis=1)
     # Each arc counts by its length, however it was sampled.
-    weights = np.concatenate(
-        [np.repeat(lengths[first, None], _SAMPLES, axis=1), np.repeat(lengths[second, None], _SAMPLES, axis=1)], axis=1
-    )
+    weights = np.repeat(np.stack([lengths[first], lengths[second]], axis=1), _SAMPLES, axis=1)
     pairs = Contours(points.reshape(-1, 2), np.arange(len(first)) * 2 * _SAMPLES)
     ellipse, found = fit_ellipses(pairs, (weights / weights.max()).reshape(-1))
     good = found & _agree(ellipse, points) & (2.0 * ellipse.semi_major < longest_px)

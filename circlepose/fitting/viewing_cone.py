@@ -17,6 +17,9 @@ from circlepose.cone import SIGNATURE, plane_basis
 from circlepose.conic import Ellipse, wrap_half_turn
 from circlepose.fitting.direct import fit_ellipse
 
+_FORWARD = 0.2
+"""z of a unit ray from which the plane z = 1 serves: within 78 deg of the axis."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ConeFit:
@@ -54,6 +57,29 @@ def fit_cone(camera: Camera, pixels: FloatArray, weights: FloatArray | None = No
     refined = _least_squares(ellipse, local, local_jacobians, weights)
     factor = turn.T @ refined.factor
     return ConeFit(factor, rim_distance_px(factor, rays, jacobians))
+
+
+def factor_from_ellipse(camera: Camera, ellipse: Ellipse) -> FloatArray | None:
+    """Return the factor (3, 3) of the cone through an ellipse of the raw image; also of a segment.
+
+    Exact without distortion; with it, the lens is taken as linear over the ellipse, so keep to small ones.
+    None outside the lens model's valid field.
+    """
+    factor = ellipse.factor
+    ends = np.stack([factor[:2, 2] + sign * factor[:2, axis] for axis in (0, 1) for sign in (1.0, -1.0)])
+    rays = camera.rays(ends)
+    if not np.all(np.isfinite(rays)):
+        return None
+    if np.all(rays[:, 2] > _FORWARD):
+        turn = np.eye(3)
+    else:
+        axis = rays.sum(axis=0)
+        axis = axis / np.linalg.norm(axis)
+        turn = np.stack([*plane_basis(axis), axis])
+    plane = rays @ turn.T
+    plane = plane / plane[:, 2:]
+    columns = [(plane[0] - plane[1]) / 2.0, (plane[2] - plane[3]) / 2.0, plane.mean(axis=0)]
+    return np.asarray(turn.T @ np.stack(columns, axis=-1))
 
 
 def rim_distance_px(factor: FloatArray, rays: FloatArray, jacobians: FloatArray) -> FloatArray:
