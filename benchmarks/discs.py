@@ -13,11 +13,11 @@ import argparse
 import time
 
 import numpy as np
-from scoring import Error, TrueCircle, error
 
 import circlepose
 from circlepose.synthesis.disc_sets import RADIUS_MM, disc_views
 from circlepose.synthesis.render import render
+from scoring import Error, TrueCircle, error
 
 SETS = {"lo": ("lo", 100, ()), "hi": ("hi", 30, ()), "lo k1=-0.3": ("lo", 100, (-0.3, 0.1, 0.0, 0.0))}
 SEED = 1999

@@ -12,10 +12,10 @@ import sys
 import time
 
 import numpy as np
-from scoring import PHOTOGRAPHS, data_folder, error, match, read_radius, read_truth
 
 import circlepose
 from circlepose.files.images import read_image
+from scoring import PHOTOGRAPHS, data_folder, error, match, read_radius, read_truth
 
 
 def main(names: list[str]) -> int:

@@ -112,7 +112,12 @@ def _in_depth_range(results: list[CircleResult], target: Target) -> bool:
 
 
 def _image_result(
-    name: str, size: tuple[int, int], target: Target, circles: list[CircleResult], rejected: Counter[Rejection], incomplete: str
+    name: str,
+    size: tuple[int, int],
+    target: Target,
+    circles: list[CircleResult],
+    rejected: Counter[Rejection],
+    incomplete: str,
 ) -> ImageResult:
     complete = {c.instance for c in circles if Flag.LONE_CIRCLE not in c.flags}
     counts = {str(reason): number for reason, number in sorted(rejected.items()) if number}

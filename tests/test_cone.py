@@ -2,9 +2,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from cases import circle_case, circle_cases
 from hypothesis import given
 
+from cases import circle_case, circle_cases
 from circlepose.camera import circle_points
 from circlepose.cone import (
     cone_from_circle,

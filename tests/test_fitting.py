@@ -2,10 +2,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from cases import circle_case, nearest_candidate
 from hypothesis import given
 from hypothesis import strategies as st
 
+from cases import circle_case, nearest_candidate
 from circlepose.camera import Camera, circle_contour
 from circlepose.cone import principal_frame
 from circlepose.conic import Ellipse

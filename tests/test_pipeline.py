@@ -18,7 +18,9 @@ from scoring import TrueCircle, error
 
 CAMERA = Camera.create([[600.0, 0, 319.5], [0, 600.0, 239.5], [0, 0, 1]], (), (640, 480))
 BARREL = Camera.create([[600.0, 0, 319.5], [0, 600.0, 239.5], [0, 0, 1]], (-0.3, 0.1, 0.001, 0.001), (640, 480))
-FISHEYE = Camera.create([[300.0, 0, 319.5], [0, 300.0, 239.5], [0, 0, 1]], (0.05, -0.01, 0.0, 0.0), (640, 480), "fisheye")
+FISHEYE = Camera.create(
+    [[300.0, 0, 319.5], [0, 300.0, 239.5], [0, 0, 1]], (0.05, -0.01, 0.0, 0.0), (640, 480), "fisheye"
+)
 
 
 def disc(center=(30.0, -20.0, 500.0), normal=(0.5, 0.3, -0.8), radius=60.0) -> Disc:
@@ -63,7 +65,9 @@ def test_what_a_lone_circle_says_of_itself():
 def test_the_imaged_center_is_not_the_ellipses():
     part = disc(center=(0.0, 0.0, 300.0), normal=(0.7, 0.0, -0.7))
     circle = circlepose.estimate(render(scene(part)), CAMERA, Target.circle(60.0)).circles[0]
-    imaged = min((c.imaged_center for c in circle.candidates), key=lambda p: np.linalg.norm(p - CAMERA.project(part.center_mm)))
+    imaged = min(
+        (c.imaged_center for c in circle.candidates), key=lambda p: np.linalg.norm(p - CAMERA.project(part.center_mm))
+    )
     np.testing.assert_allclose(imaged, CAMERA.project(part.center_mm), atol=0.1)
     assert np.linalg.norm(circle.ellipse.center - imaged) > 5.0
 
@@ -192,7 +196,9 @@ def test_sixteen_bit_images():
 
 def rings(normal=(0.5, 0.3, -0.8)) -> Rings:
     normal = np.array(normal)
-    return Rings(np.array([30.0, -20.0, 500.0]), normal / np.linalg.norm(normal), (50.0, 30.0), (Paint(30.0), Paint(220.0)))
+    return Rings(
+        np.array([30.0, -20.0, 500.0]), normal / np.linalg.norm(normal), (50.0, 30.0), (Paint(30.0), Paint(220.0))
+    )
 
 
 def test_a_second_ring_settles_which_candidate_is_right():

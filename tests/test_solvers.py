@@ -2,10 +2,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from cases import circle_case, circle_cases, nearest_candidate, random_rotation, same_solution_set
 from hypothesis import given
 from hypothesis import strategies as st
 
+from cases import circle_case, circle_cases, nearest_candidate, random_rotation, same_solution_set
 from circlepose.camera import circle_points
 from circlepose.cone import cone_from_circle, factor_from_circle, principal_frame
 from circlepose.errors import ArgumentError

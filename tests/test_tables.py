@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from discs import CENTER_MM, NORMAL, RADIUS_MM, made_circle, made_result
 from hypothesis import given
 from hypothesis import strategies as st
 
 from circlepose.files import layouts, records, tables
 from circlepose.files.tables import COLUMNS, cell, pose_rows
 from circlepose.pose import CircleResult, ImageResult, Status
+from discs import CENTER_MM, NORMAL, RADIUS_MM, made_circle, made_result
 
 COVARIANCE = np.diag([0.01, 0.04, 0.09, 3e-6, 1e-6])
 FAILED = ImageResult("bad.png", Status.NO_CIRCLE, "nothing there")

@@ -1,0 +1,36 @@
+"""`circlepose camera`: what a calibration file says, in plain words."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from circlepose_cli import debugging, options
+from circlepose_cli.options import ReportFormat
+
+
+def camera(
+    calibration: Annotated[Path, typer.Argument(metavar="FILE", help="Calibration file.", show_default=False)],
+    camera_name: options.CameraName = None,
+    report_format: Annotated[
+        ReportFormat, typer.Option("--format", help="Plain words, or JSON.")
+    ] = ReportFormat.TEXT,
+    verbose: options.Verbose = False,
+) -> None:
+    """Explain a calibration file.
+
+    Prints lens model, field of view, distortion in px and what looks wrong.
+    """
+    if verbose:
+        debugging.show_tracebacks(True)
+    from circlepose.files.camera_file import read_camera_file  # noqa: PLC0415 - needs NumPy
+    from circlepose_cli.camera_report import describe, report_record, report_text  # noqa: PLC0415
+
+    report = describe(read_camera_file(calibration, camera_name))
+    if report_format is ReportFormat.JSON:
+        typer.echo(json.dumps(report_record(report), indent=2, allow_nan=False))
+    else:
+        typer.echo(report_text(report))

@@ -1,0 +1,80 @@
+"""`circlepose estimate`: the options of the command; `run` does the work."""
+
+from __future__ import annotations
+
+import os
+
+import typer
+
+from circlepose_cli import debugging, options
+from circlepose_cli.options import LayoutChoice, MethodChoice, TargetOverrides
+
+
+def estimate(
+    inputs: options.Inputs,
+    calib: options.Calib = None,
+    camera_name: options.CameraName = None,
+    target: options.TargetFile = None,
+    radius_mm: options.RadiusMm = None,
+    count: options.Count = None,
+    polarity: options.Polarity = None,
+    depth_range_mm: options.DepthRange = None,
+    major_px: options.MajorPx = None,
+    minor_px: options.MinorPx = None,
+    method: options.Method = MethodChoice.CHEN_HUANG,
+    refine: options.Refine = True,
+    scale_calib: options.ScaleCalib = False,
+    recursive: options.Recursive = False,
+    output_format: options.Format = None,
+    layout: options.Layout = LayoutChoice.POSES,
+    output: options.Output = None,
+    overlay: options.Overlay = None,
+    jobs: options.Jobs = None,
+    quiet: options.Quiet = False,
+    verbose: options.Verbose = False,
+) -> None:
+    """Measure the circles in images.
+
+    Prints their poses: centre in mm and unit normal in the camera frame, both candidates, the better first.
+
+    The target is, in this order: --target or --radius-mm; the target.yaml beside the image; target: in the
+    calibration file. Exit codes: 0 all measured, 2 usage or calibration, 3 some images failed, 130 interrupted.
+    """
+    if verbose:
+        debugging.show_tracebacks(True)
+    overrides = TargetOverrides(
+        count=options.parse_count(count),
+        polarity=polarity,
+        depth_range_mm=options.parse_interval("--depth-range-mm", depth_range_mm),
+        major_px=options.parse_interval("--major-px", major_px),
+        minor_px=options.parse_interval("--minor-px", minor_px),
+    )
+    # Cores are shared out by process; threads of the linear algebra would only be in each other's way.
+    for library in ("OPENBLAS", "OMP", "MKL"):
+        os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+
+    from circlepose_cli.run import Request, run  # noqa: PLC0415 - needs NumPy and OpenCV
+
+    raise typer.Exit(
+        run(
+            Request(
+                inputs=tuple(inputs),
+                recursive=recursive,
+                calib=calib,
+                camera_name=camera_name,
+                target_file=target,
+                radius_mm=radius_mm,
+                overrides=overrides,
+                method=method,
+                refine=refine,
+                scale_calibration=scale_calib,
+                output_format=output_format,
+                layout=layout,
+                output=output,
+                overlay=overlay,
+                jobs=jobs,
+                quiet=quiet,
+                verbose=verbose,
+            )
+        )
+    )

@@ -1,0 +1,187 @@
+"""What the commands' options mean: their choices, and the typed values that their texts become.
+
+Nothing here may import NumPy, SciPy or OpenCV: `--help` has to be there at once.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from circlepose.errors import UsageError
+
+
+class MethodChoice(StrEnum):
+    """Methods by name; `circlepose.solvers.METHODS` and `all`."""
+
+    CHEN_HUANG = "chen-huang"
+    CHEN_HUANG_CONTOUR = "chen-huang-contour"
+    KANATANI_LIU = "kanatani-liu"
+    KABUKA_ARENAS = "kabuka-arenas"
+    ALL = "all"
+
+
+class PolarityChoice(StrEnum):
+    """How the disc looks against its surroundings."""
+
+    ANY = "any"
+    DARK = "dark"
+    BRIGHT = "bright"
+
+
+class FormatChoice(StrEnum):
+    """Forms of the output."""
+
+    CSV = "csv"
+    JSON = "json"
+    JSONL = "jsonl"
+    TABLE = "table"
+
+
+class LayoutChoice(StrEnum):
+    """What the rows of the output are."""
+
+    POSES = "poses"
+    TABLE1 = "table1"
+    TABLE2 = "table2"
+
+
+class ReportFormat(StrEnum):
+    """Forms of a report on one thing."""
+
+    TEXT = "text"
+    JSON = "json"
+
+
+@dataclass(frozen=True, slots=True)
+class TargetOverrides:
+    """What the command line says of the target; None leaves what its description says."""
+
+    count: int | Literal["all"] | None = None
+    polarity: PolarityChoice | None = None
+    depth_range_mm: tuple[float, float] | None = None
+    major_px: tuple[float, float] | None = None
+    minor_px: tuple[float, float] | None = None
+
+
+def parse_count(text: str | None) -> int | Literal["all"] | None:
+    """Return a count of at least 1 or `all`; raises `UsageError`."""
+    if text is None:
+        return None
+    if text == "all":
+        return "all"
+    if text.isdecimal() and int(text) >= 1:
+        return int(text)
+    raise UsageError(f"--count: expected a whole number of at least 1, or all, got {text!r}.")
+
+
+def parse_interval(option: str, text: str | None) -> tuple[float, float] | None:
+    """Return the interval written as LOW:HIGH; raises `UsageError`."""
+    if text is None:
+        return None
+    try:
+        low, high = (float(part) for part in text.split(":"))
+    except ValueError:
+        low = high = math.nan
+    if not (math.isfinite(low) and math.isfinite(high) and 0.0 <= low < high):
+        raise UsageError(
+            f"{option}: expected two numbers LOW:HIGH with 0 <= LOW < HIGH, such as 300:1500, got {text!r}."
+        )
+    return low, high
+
+
+Inputs = Annotated[
+    list[str],
+    typer.Argument(
+        metavar="INPUT...",
+        help="Images, folders, globs, or - for paths on standard input, one a line.",
+        show_default=False,
+    ),
+]
+Calib = Annotated[
+    Path | None,
+    typer.Option(
+        "--calib",
+        metavar="FILE",
+        help="Calibration: OpenCV YAML/XML/JSON, ROS camera_info, Kalibr camchain or our own YAML. "
+        "Default: the camera.yaml beside each image.",
+    ),
+]
+CameraName = Annotated[
+    str | None,
+    typer.Option(
+        "--camera-name", metavar="NAME", help="Which camera of a calibration file with several, such as cam1."
+    ),
+]
+TargetFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--target",
+        metavar="FILE",
+        help="Target file. Default: the target.yaml beside each image, else target: in the calibration file.",
+    ),
+]
+RadiusMm = Annotated[
+    float | None,
+    typer.Option("--radius-mm", metavar="R", help="Look for one circle of this radius in mm (not its diameter)."),
+]
+Count = Annotated[
+    str | None,
+    typer.Option("--count", metavar="N|all", help="Targets in each image. Default: what the target says, else 1."),
+]
+Polarity = Annotated[
+    PolarityChoice | None,
+    typer.Option("--polarity", help="Whether the disc is darker or brighter than its surroundings."),
+]
+DepthRange = Annotated[
+    str | None,
+    typer.Option("--depth-range-mm", metavar="NEAR:FAR", help="Accept only circles at such distances, in mm."),
+]
+MajorPx = Annotated[
+    str | None,
+    typer.Option("--major-px", metavar="LOW:HIGH", help="Accepted full length of the ellipse's major axis, in px."),
+]
+MinorPx = Annotated[
+    str | None,
+    typer.Option("--minor-px", metavar="LOW:HIGH", help="Accepted full length of the ellipse's minor axis, in px."),
+]
+Method = Annotated[
+    MethodChoice, typer.Option("--method", help="How the candidate poses are computed; all compares them.")
+]
+Refine = Annotated[
+    bool,
+    typer.Option("--refine/--no-refine", help="Place the edges again along the predicted rim, and fit them."),
+]
+ScaleCalib = Annotated[
+    bool,
+    typer.Option("--scale-calib", help="Take images of another size than the calibration's as resized ones."),
+]
+Recursive = Annotated[bool, typer.Option("--recursive", "-r", help="Take the images in subfolders too.")]
+Format = Annotated[
+    FormatChoice | None,
+    typer.Option("--format", help="Default: table on a terminal, csv in a pipe, by its ending with -o."),
+]
+Layout = Annotated[
+    LayoutChoice,
+    typer.Option("--layout", help="Rows: all candidate poses, Table I of Chen & Huang, or Tables 1, 2 of Fu & Zhou."),
+]
+Output = Annotated[
+    Path | None,
+    typer.Option("--output", "-o", metavar="FILE", help="Write there, whole or not at all, not to standard output."),
+]
+Overlay = Annotated[
+    Path | None, typer.Option("--overlay", metavar="DIR", help="Draw each result over its image, as PNG in DIR.")
+]
+Jobs = Annotated[
+    int | None,
+    typer.Option("--jobs", metavar="N", min=1, help="Worker processes. Default: one a core, for many images."),
+]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Say nothing but what ends the run.")]
+Verbose = Annotated[
+    bool, typer.Option("--verbose", "-v", help="Say what is used and rejected, and show tracebacks of bugs.")
+]

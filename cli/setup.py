@@ -1,0 +1,109 @@
+"""Which camera and which target hold for an image: from the command line, or from the files beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from circlepose.errors import TargetError, UsageError
+from circlepose.files.camera_file import CameraFile, read_camera_file
+from circlepose.files.target_file import find_beside, read_target, target_from_mapping
+from circlepose.target import AxisIntervals, Target
+from circlepose_cli.options import TargetOverrides
+
+
+@dataclass(frozen=True, slots=True)
+class Setup:
+    """What is known before an image is opened."""
+
+    camera_file: CameraFile
+    target: Target
+    target_origin: str
+    """where the target came from, for a person"""
+
+
+@dataclass(slots=True)
+class Setups:
+    """The setup of each folder, each found once and told once to `tell`."""
+
+    calib: Path | None
+    camera_name: str | None
+    target_file: Path | None
+    radius_mm: float | None
+    overrides: TargetOverrides
+    tell: Callable[[Path, Setup], None]
+    _by_folder: dict[Path, Setup] = field(default_factory=dict)
+    _cameras: dict[Path, CameraFile] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.target_file is not None and self.radius_mm is not None:
+            raise UsageError("--target, --radius-mm: give one of them, not both.")
+
+    def for_image(self, path: Path) -> Setup:
+        """Return the setup for an image's folder; raises when it has no camera or no target."""
+        folder = path.parent
+        if folder not in self._by_folder:
+            setup = self._find(folder)
+            self._by_folder[folder] = setup
+            self.tell(folder, setup)
+        return self._by_folder[folder]
+
+    def _find(self, folder: Path) -> Setup:
+        path = self.calib or find_beside(folder, "camera")
+        if path is None:
+            raise UsageError(
+                f"{folder}: no calibration for the images there; give --calib FILE or put a camera.yaml beside them."
+            )
+        if path not in self._cameras:
+            self._cameras[path] = read_camera_file(path, self.camera_name)
+        camera_file = self._cameras[path]
+        target, origin = self._find_target(folder, camera_file)
+        return Setup(camera_file, _overridden(target, self.overrides), origin)
+
+    def _find_target(self, folder: Path, camera_file: CameraFile) -> tuple[Target, str]:
+        if self.radius_mm is not None:
+            return _circle(self.radius_mm), "--radius-mm"
+        path = self.target_file or find_beside(folder, "target")
+        if path is not None:
+            return read_target(path), str(path)
+        if camera_file.target is not None:
+            origin = f"{camera_file.path}: target"
+            return target_from_mapping(camera_file.target, origin), origin
+        raise UsageError(_no_target(folder, camera_file.path))
+
+
+def _circle(radius_mm: float) -> Target:
+    try:
+        return Target.circle(radius_mm)
+    except TargetError as error:
+        raise UsageError(str(error).replace("radius_mm:", "--radius-mm:")) from None
+
+
+def _overridden(target: Target, overrides: TargetOverrides) -> Target:
+    changes: dict[str, Any] = {}
+    if overrides.count is not None:
+        changes["count"] = None if overrides.count == "all" else overrides.count
+    if overrides.polarity is not None:
+        changes["polarity"] = overrides.polarity.value
+    if overrides.depth_range_mm is not None:
+        changes["depth_range_mm"] = overrides.depth_range_mm
+    if overrides.major_px is not None or overrides.minor_px is not None:
+        axes = target.axis_intervals or AxisIntervals()
+        changes["axis_intervals"] = AxisIntervals(
+            overrides.major_px or axes.major_px, overrides.minor_px or axes.minor_px
+        )
+    return replace(target, **changes)
+
+
+def _no_target(folder: Path, camera_file: Path) -> str:
+    ways = (
+        ("--radius-mm 60", "one circle of radius 60 mm"),
+        ("--target rings.yaml", "a target file, such as: {kind: coplanar, radii_mm: [50, 30]}"),
+        (str(folder / "target.yaml"), "a target file beside the images"),
+        ("target: {radius_mm: 60}", f"a key in the calibration file {camera_file}"),
+    )
+    width = max(len(way) for way, _ in ways)
+    lines = "\n".join(f"  {way:<{width}}  {meaning}" for way, meaning in ways)
+    return f"{folder}: what to look for in the images there is not known; say it in one of four ways:\n{lines}"

@@ -1,0 +1,335 @@
+from __future__ import annotations
+
+import csv
+import io
+import json
+
+import cv2
+import numpy as np
+import pytest
+
+from circlepose.batch import local
+from circlepose.errors import OutputError, UsageError
+from circlepose.files.inputs import InputImage
+from circlepose.pose import Status
+from circlepose.solvers import METHODS
+from circlepose.target import POLARITIES
+from circlepose_cli import options
+from circlepose_cli.app import main
+from circlepose_cli.overlay_names import OverlayNames
+from discs import CAMERA_YAML, CENTER_MM, RADIUS_MM, disc_folder, write_disc
+
+
+@pytest.fixture(autouse=True)
+def _plain_environment(monkeypatch):
+    for library in ("OPENBLAS", "OMP", "MKL"):
+        monkeypatch.setenv(f"{library}_NUM_THREADS", "1")
+    monkeypatch.delenv("CIRCLEPOSE_DEBUG", raising=False)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    return disc_folder(tmp_path / "imgs")
+
+
+@pytest.fixture
+def run(capsys):
+    """Run a command line; returns exit code, standard output and standard error."""
+
+    def run_it(*args):
+        code = main([str(arg) for arg in args])
+        captured = capsys.readouterr()
+        return code, captured.out, captured.err
+
+    return run_it
+
+
+def rows_of(text):
+    return list(csv.DictReader(io.StringIO(text)))
+
+
+def test_a_folder_is_measured_without_an_option(run, folder):
+    code, out, err = run("estimate", folder)
+    rows = rows_of(out)
+    assert code == 0
+    assert [(row["image"], row["solution"]) for row in rows] == [
+        ("disc0.png", "0"),
+        ("disc0.png", "1"),
+        ("disc1.png", "0"),
+        ("disc1.png", "1"),
+    ]
+    found = [[float(row[f"center_{axis}_mm"]) for axis in "xyz"] for row in rows]
+    assert min(np.linalg.norm(np.array(found) - CENTER_MM, axis=1)) < 1.0
+    assert err == "2 measured, 0 failed\n"
+
+
+def test_an_image_that_fails_is_a_row_a_message_and_code_3(run, folder):
+    (folder / "disc10.png").write_bytes(b"junk")
+    code, out, err = run("estimate", folder)
+    assert code == 3
+    assert rows_of(out)[-1]["status"] == Status.NOT_AN_IMAGE
+    assert err.splitlines() == [
+        "disc10.png: is no image of a known format",
+        "2 measured, 1 failed (not_an_image 1)",
+    ]
+
+
+def test_quiet_and_verbose(run, folder):
+    cv2.imwrite(str(folder / "blank.png"), np.full((240, 320), 90, np.uint8))
+    assert run("estimate", folder, "--quiet")[2] == ""
+    _, _, err = run("estimate", folder, "-v")
+    assert f"{folder}: camera {folder / 'camera.yaml'}, target {folder / 'target.yaml'}" in err
+    assert "blank.png: " in err
+
+
+def test_names_cannot_steer_the_terminal(run, folder):
+    (folder / "a\x1b[31m.png").write_bytes(b"junk")
+    _, _, err = run("estimate", folder)
+    assert "a\\x1b[31m.png" in err
+    assert "\x1b" not in err
+
+
+def test_without_a_calibration(run, folder):
+    (folder / "camera.yaml").unlink()
+    code, out, err = run("estimate", folder)
+    assert (code, out) == (2, "")
+    assert err == (
+        f"circlepose: {folder}: no calibration for the images there; give --calib FILE or put a camera.yaml "
+        "beside them.\n"
+    )
+
+
+def test_without_a_target_the_message_shows_all_four_ways(run, folder):
+    (folder / "target.yaml").unlink()
+    code, out, err = run("estimate", folder)
+    assert (code, out) == (2, "")
+    for way in ("--radius-mm 60", "--target rings.yaml", str(folder / "target.yaml"), "target: {radius_mm: 60}"):
+        assert way in err
+
+
+def radius(run, *args):
+    code, out, err = run("estimate", *args, "--format", "jsonl")
+    assert code == 0, err
+    return {circle["radius_mm"] for line in out.splitlines() for circle in json.loads(line)["circles"]}
+
+
+def test_the_target_is_taken_in_the_order_told(run, folder, tmp_path):
+    (folder / "camera.yaml").write_text(CAMERA_YAML + "target: {radius_mm: 21}\n")
+    (folder / "target.yaml").write_text("radius_mm: 22\n")
+    file = tmp_path / "mine.yaml"
+    file.write_text("radius_mm: 23\n")
+    assert radius(run, folder, "--radius-mm", "24") == {24.0}
+    assert radius(run, folder, "--target", file) == {23.0}
+    assert radius(run, folder) == {22.0}
+    (folder / "target.yaml").unlink()
+    assert radius(run, folder) == {21.0}
+
+
+def test_the_calibration_named_comes_before_the_one_beside(run, folder, tmp_path):
+    (folder / "camera.yaml").write_text("nonsense")
+    other = tmp_path / "other.yaml"
+    other.write_text(CAMERA_YAML)
+    assert run("estimate", folder, "--calib", other)[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("args", "message"),
+    [
+        (["--target", "t.yaml", "--radius-mm", "5"], "--target, --radius-mm: give one of them"),
+        (["--radius-mm", "-5"], "--radius-mm: expected a positive radius"),
+        (["--radius-mm", "nan"], "--radius-mm: expected a positive radius"),
+        (["--count", "0"], "--count: expected a whole number"),
+        (["--count", "many"], "--count: expected a whole number"),
+        (["--depth-range-mm", "9:5"], "--depth-range-mm: expected two numbers"),
+        (["--major-px", "5"], "--major-px: expected two numbers"),
+        (["--minor-px", "a:b"], "--minor-px: expected two numbers"),
+        (["--jobs", "0"], "--jobs"),
+        (["--method", "guess"], "kanatani-liu"),
+        (["--format", "xml"], "jsonl"),
+        (["--no-such-flag"], "--no-such-flag"),
+        (["--calib", "gone.yaml"], "gone.yaml"),
+        (["-o", "gone/out.csv"], "folder"),
+    ],
+)
+def test_misuse_ends_with_2_and_one_clear_message(run, folder, args, message):
+    code, out, err = run("estimate", folder, *args)
+    assert (code, out) == (2, "")
+    assert message in err
+    assert "Traceback" not in err
+
+
+@pytest.mark.parametrize("name", ["empty", "nothing*.png"])
+def test_inputs_without_an_image_end_with_2(run, tmp_path, name):
+    (tmp_path / "empty").mkdir()
+    code, _, err = run("estimate", tmp_path / name)
+    assert code == 2
+    assert name in err
+
+
+def test_the_command_line_overrides_the_target(run, folder):
+    code, out, _ = run("estimate", folder / "disc0.png", "--count", "3")
+    assert (code, rows_of(out)[-1]["status"]) == (3, "too_few_circles")
+    for args in (["--polarity", "bright"], ["--depth-range-mm", "500:600"], ["--major-px", "5:9"]):
+        assert run("estimate", folder, *args)[0] == 3, args
+    (folder / "target.yaml").write_text("{radius_mm: 20, axis_intervals_px: {major: [5, 9]}}\n")
+    assert run("estimate", folder, "--minor-px", "20:200")[0] == 3
+    assert run("estimate", folder, "--major-px", "20:200", "--minor-px", "20:200")[0] == 0
+
+
+def test_all_folders_are_checked_before_the_first_image(run, tmp_path):
+    disc_folder(tmp_path / "a")
+    write_disc(disc_folder(tmp_path / "b", images=0) / "disc.png")
+    (tmp_path / "b" / "camera.yaml").unlink()
+    code, out, err = run("estimate", tmp_path, "-r")
+    assert (code, out) == (2, "")
+    assert str(tmp_path / "b") in err
+
+
+def test_each_folder_has_its_own_setup(run, tmp_path):
+    disc_folder(tmp_path / "a", 1)
+    (disc_folder(tmp_path / "b", 1) / "target.yaml").write_text("radius_mm: 40\n")
+    _, out, _ = run("estimate", tmp_path, "-r")
+    assert [(row["image"], float(row["radius_mm"])) for row in rows_of(out)[::2]] == [
+        ("a/disc0.png", 20.0),
+        ("b/disc0.png", 40.0),
+    ]
+
+
+def test_other_sizes_are_refused_unless_scaled(run, folder):
+    (folder / "camera.yaml").write_text("fx: 800\nfy: 800\ncx: 319.5\ncy: 239.5\nimage_size: [640, 480]\n")
+    code, out, _ = run("estimate", folder)
+    assert (code, rows_of(out)[0]["status"]) == (3, "size_mismatch")
+    assert run("estimate", folder, "--scale-calib")[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("name", "starts"),
+    [("out.csv", "image,"), ("out.json", '{"schema"'), ("out.jsonl", '{"schema"'), ("out", "image,")],
+)
+def test_the_output_file_takes_its_form_from_its_ending(run, folder, tmp_path, name, starts):
+    code, out, _ = run("estimate", folder, "-o", tmp_path / name)
+    assert (code, out) == (0, "")
+    assert (tmp_path / name).read_text().startswith(starts)
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_an_output_file_stands_as_it_was_when_the_run_breaks(run, folder, tmp_path, monkeypatch):
+    file = tmp_path / "out.csv"
+    file.write_text("before")
+    monkeypatch.setattr(local, "read_image", lambda path: 1 / 0)
+    assert run("estimate", folder, "-o", file)[0] == 1
+    assert file.read_text() == "before"
+
+
+def test_a_bug_is_one_sentence_and_code_1(run, folder, monkeypatch):
+    monkeypatch.setattr(local, "read_image", lambda path: 1 / 0)
+    code, _, err = run("estimate", folder)
+    assert code == 1
+    assert "internal error: while measuring disc0.png: ZeroDivisionError" in err
+    assert "please report it" in err
+    assert "Traceback" not in err
+    assert "Traceback" in run("estimate", folder, "--verbose")[2]
+    monkeypatch.setenv("CIRCLEPOSE_DEBUG", "1")
+    assert "Traceback" in run("estimate", folder)[2]
+
+
+def test_the_table_is_for_reading(run, folder):
+    (folder / "zzz.png").write_bytes(b"junk")
+    code, out, _ = run("estimate", folder, "--format", "table", "--method", "all")
+    assert code == 3
+    header, *_ = (line for line in out.splitlines() if line.strip())
+    assert [word for word in ("image", "method", "x mm", "n z", "ambiguity") if word not in header] == []
+    assert all(method in out for method in METHODS)
+    assert "not_an_image" in out
+    assert "\x1b" not in out
+
+
+def test_table1_compares_the_methods_one_below_the_other(run, folder):
+    _, out, _ = run("estimate", folder, "--format", "table", "--layout", "table1", "--method", "all")
+    body = [line for line in out.splitlines() if "disc" in line]
+    assert [line.split()[0] for line in body[::2]] == list(METHODS)
+    assert "Circle center position" in out
+
+
+def test_table2_in_every_form(run, folder):
+    for output_format in ("csv", "json", "jsonl", "table"):
+        code, out, _ = run("estimate", folder, "--layout", "table2", "--format", output_format)
+        assert code == 0
+        assert "GCC" in out
+
+
+def test_overlays_are_drawn_one_per_image(run, folder, tmp_path):
+    code, _, _ = run("estimate", folder, "--overlay", tmp_path / "new" / "pictures")
+    assert code == 0
+    assert sorted(path.name for path in (tmp_path / "new" / "pictures").iterdir()) == ["disc0.png", "disc1.png"]
+
+
+def test_overlays_do_not_go_among_the_images(run, folder):
+    before = (folder / "disc0.png").read_bytes()
+    code, _, err = run("estimate", folder, "--overlay", folder)
+    assert code == 2
+    assert "--overlay" in err
+    assert (folder / "disc0.png").read_bytes() == before
+
+
+def named(*names):
+    return [InputImage(path=options.Path("/elsewhere") / name.lstrip("/"), name=name) for name in names]
+
+
+def overlay_names(folder, *names):
+    images = named(*names)
+    pictures = OverlayNames(folder, images)
+    return [pictures.path_for(image) for image in images]
+
+
+def test_overlay_names_are_distinct_and_stay_inside(tmp_path):
+    hostile = [
+        "a/x.png",
+        "b/x.png",
+        "a__x.png",
+        "../../etc/x.jpg",
+        "/abs/y.png",
+        "..\\z.png",
+        "A/X.png",
+        "n\x1b?.png",
+        "..",
+    ]
+    paths = overlay_names(tmp_path, *hostile)
+    assert all(path.parent == tmp_path and path.suffix == ".png" for path in paths)
+    assert len({path.name.casefold() for path in paths}) == len(hostile)
+    assert [path.name for path in paths[:3]] == ["a__x.png", "b__x.png", "a__x-2.png"]
+    assert paths[4].name == "y.png"
+    assert paths[7].name == "n__.png"
+
+
+def test_overlay_names_of_a_stream_are_distinct_too(tmp_path):
+    pictures = OverlayNames(tmp_path, ())
+    names = [pictures.path_for(image).name for image in named("a/x.png", "b/x.png", "b/x.png")]
+    assert names == ["x.png", "b__x.png", "b__x-2.png"]
+
+
+def test_an_overlay_folder_that_cannot_be_made(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OutputError, match="--overlay"):
+        OverlayNames(tmp_path / "file", ())
+
+
+def test_choices_are_those_of_the_library():
+    assert [choice.value for choice in options.MethodChoice] == [*METHODS, "all"]
+    assert [choice.value for choice in options.PolarityChoice] == list(POLARITIES)
+
+
+def test_counts_and_intervals():
+    assert [options.parse_count(text) for text in (None, "all", "7")] == [None, "all", 7]
+    assert options.parse_interval("--x", "1:2.5") == (1.0, 2.5)
+    assert options.parse_interval("--x", None) is None
+    for text in ("", "1", "1:2:3", "2:1", "-1:2", "1:inf", "1:nan"):
+        with pytest.raises(UsageError, match="--x"):
+            options.parse_interval("--x", text)
+
+
+def test_a_radius_is_no_diameter(run, folder):
+    _, out, _ = run("estimate", folder / "disc0.png", "--radius-mm", RADIUS_MM)
+    row = rows_of(out)[0]
+    pixels = 2.0 * float(row["semi_major_px"])
+    assert pixels == pytest.approx(2.0 * RADIUS_MM * 400.0 / CENTER_MM[2], rel=0.05)
