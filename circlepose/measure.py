@@ -39,6 +39,8 @@ class Rim:
     """of the fitted rim in the raw image"""
     rim_used: float
     """share of the rim that has such an edge"""
+    polarity: int
+    """+1: darker inside, -1: brighter inside"""
 
 
 def fit_rim(levels: Image, camera: Camera, contour: Contour, *, refine: bool = True) -> Rim | None:
@@ -54,7 +56,7 @@ def fit_rim(levels: Image, camera: Camera, contour: Contour, *, refine: bool = T
     if fit is None:
         return None
     if not refine:
-        return _rim(camera, fit, contour.points, contour.rim_used)
+        return _rim(camera, fit, contour.points, contour.rim_used, contour.polarity)
     perimeter = np.pi * float(contour.ellipse.semi_major + contour.ellipse.semi_minor)
     places = int(np.clip(perimeter / _SPACING_PX, *_PLACES))
     predicted = rim_pixels(camera, fit.factor, places)
@@ -64,7 +66,7 @@ def fit_rim(levels: Image, camera: Camera, contour: Contour, *, refine: bool = T
     edges = locate_edges(levels, predicted[None], contour_normals(predicted[None]), np.array([reach]))
     points = edges.points[0][edges.valid[0]]
     refined = _without_outliers(camera, points)
-    return None if refined is None else _rim(camera, *refined, len(refined[1]) / places)
+    return None if refined is None else _rim(camera, *refined, len(refined[1]) / places, contour.polarity)
 
 
 def _thin_rim(levels: Image, camera: Camera, start: Ellipse) -> Rim | None:
@@ -78,7 +80,7 @@ def _thin_rim(levels: Image, camera: Camera, start: Ellipse) -> Rim | None:
         return None
     # There are no edge points, whose scatter the residuals would be.
     cone = ConeFit(factor, np.full(len(points), fitted.error_px))
-    return Rim(cone, points, fitted.ellipse, 1.0)
+    return Rim(cone, points, fitted.ellipse, 1.0, -1 if fitted.contrast > 0.0 else 1)
 
 
 def _without_outliers(camera: Camera, points: FloatArray) -> tuple[ConeFit, FloatArray] | None:
@@ -96,9 +98,9 @@ def _without_outliers(camera: Camera, points: FloatArray) -> tuple[ConeFit, Floa
     return None if fit is None else (fit, points)
 
 
-def _rim(camera: Camera, fit: ConeFit, points: FloatArray, rim_used: float) -> Rim | None:
+def _rim(camera: Camera, fit: ConeFit, points: FloatArray, rim_used: float, polarity: int) -> Rim | None:
     ellipse = fit_ellipse(rim_pixels(camera, fit.factor, 90))
-    return None if ellipse is None else Rim(fit, points, ellipse, rim_used)
+    return None if ellipse is None else Rim(fit, points, ellipse, rim_used, polarity)
 
 
 def rim_pixels(camera: Camera, factor: FloatArray, number: int) -> FloatArray:

@@ -69,7 +69,15 @@ def estimate(
             return ImageResult(name, Status.SIZE_MISMATCH, _size_mismatch(size, camera.image_size), image_size=size)
         camera = camera.scaled_to(size)
     intervals = axis_intervals(target, camera, size)
-    found = find_contours(grey, intervals, target.polarity, keep_concentric=target.kind != "circle")
+    lone = target.kind == "circle"
+    found = find_contours(
+        grey,
+        intervals,
+        # Of a ring target the polarity is the largest circle's.
+        target.polarity if lone else "any",
+        keep_concentric=not lone,
+        enough=target.count if lone else None,
+    )
     rejected = Counter(found.rejected)
     rims: list[Rim] = []
     for contour in found.contours:
@@ -78,7 +86,7 @@ def estimate(
             rejected[Rejection.NO_POSE] += 1
         else:
             rims.append(rim)
-    if target.kind == "circle":
+    if lone:
         circles = _lone_circles(rims, camera, target, methods, rejected)
     else:
         circles = find_ring_targets(rims, camera, target, methods, rejected)

@@ -11,7 +11,7 @@ import numpy as np
 from circlepose._typing import FloatArray
 from circlepose.camera import Camera
 from circlepose.disambiguation.second_circle import ambiguity, generatrix_mm, misfit_px
-from circlepose.extraction.contour import Rejection
+from circlepose.extraction.contour import WANTED_SIGN, Rejection
 from circlepose.measure import Rim
 from circlepose.pose import CircleResult, Flag
 from circlepose.solutions import circle_results
@@ -45,7 +45,7 @@ def find_ring_targets(
     solved = [solve("chen-huang", rim.cone.factor, camera.rays(rim.points), target.radii_mm[0]) for rim in rims]
     families = []
     for first, solutions in enumerate(solved):
-        if isinstance(solutions, str):
+        if isinstance(solutions, str) or WANTED_SIGN[target.polarity] * rims[first].polarity < 0:
             continue
         pairs = [_best_second(first, solutions, k, rims, camera, target) for k in range(1, len(target.radii_mm))]
         if all(pair is not None for pair in pairs):

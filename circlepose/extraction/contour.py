@@ -8,6 +8,10 @@ from enum import StrEnum
 
 from circlepose._typing import FloatArray
 from circlepose.conic import Ellipse
+from circlepose.target import Polarity
+
+WANTED_SIGN: dict[Polarity, int] = {"any": 0, "dark": 1, "bright": -1}
+"""Sign of `Contour.polarity` that each wish admits; 0 admits both."""
 
 
 class Rejection(StrEnum):

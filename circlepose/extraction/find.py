@@ -9,12 +9,12 @@ import numpy as np
 from circlepose._typing import BoolArray, Image
 from circlepose.conic import Ellipse, rim_distance
 from circlepose.extraction.candidates import rough_ellipses
-from circlepose.extraction.contour import Contour, Extraction, Rejection
+from circlepose.extraction.contour import WANTED_SIGN, Contour, Extraction, Rejection
 from circlepose.extraction.grey import eight_bit
 from circlepose.extraction.rim import RimEdges, ellipse_rim, locate_edges
 from circlepose.extraction.slivers import find_slivers
 from circlepose.fitting.direct import Contours, fit_ellipses
-from circlepose.fitting.thin_ellipse import are_thin
+from circlepose.fitting.thin_ellipse import THIN_PX, are_thin
 from circlepose.target import AxisIntervals, Polarity
 
 _FIRST_REACH_PX = 4.0
@@ -38,24 +38,31 @@ _LEAST_AXES_PX = (6.0, 3.0)
 
 
 def find_contours(
-    grey: Image, intervals: AxisIntervals, polarity: Polarity = "any", keep_concentric: bool = False
+    grey: Image,
+    intervals: AxisIntervals,
+    polarity: Polarity = "any",
+    keep_concentric: bool = False,
+    enough: int | None = None,
 ) -> Extraction:
     """Find all contours in `grey` (h, w) whose ellipse's axes lie within `intervals`, most evidence first.
 
-    `keep_concentric` also returns contours inside others of the same centre (rings).
+    `keep_concentric` also returns contours inside others of the same centre (rings). Slivers, circles seen
+    nearly edge-on, are looked for when the minor axis may be that small by its own interval, or when there are
+    fewer than `enough` contours otherwise; in both cases only where a length to expect is given, as every thin
+    line would be one.
     """
     rough, rejected = rough_ellipses(eight_bit(grey), intervals)
     levels = grey.astype(np.float32) if grey.dtype != np.uint8 else grey
     rough = _without_repeats(rough)
-    slivers: list[Contour] = []
-    if intervals.major_px is not None:
-        # Without a length to expect, every thin line of an image would be a circle seen edge-on.
-        thin = are_thin(rough)
+    # Only where there is a length to expect: every thin line would be a circle seen edge-on.
+    thin = are_thin(rough) if intervals.major_px is not None else np.zeros(len(rough), dtype=np.bool_)
+    contours = _find_open(levels, rough[~thin], intervals, polarity, keep_concentric, rejected)
+    if (intervals.minor_px is not None and intervals.minor_px[0] < THIN_PX) or (
+        enough is not None and len(contours) < enough
+    ):
         slivers = find_slivers(levels, rough[thin], intervals, polarity, rejected)
-        rough = rough[~thin]
-    contours = _find_open(levels, rough, intervals, polarity, keep_concentric, rejected)
-    contours = [c for c in contours if not any(_same(c.ellipse, s.ellipse) for s in slivers)]
-    return Extraction(tuple(sorted([*slivers, *contours], key=lambda c: -c.evidence)), rejected)
+        contours = [*slivers, *(c for c in contours if not any(_same(c.ellipse, s.ellipse) for s in slivers))]
+    return Extraction(tuple(sorted(contours, key=lambda c: -c.evidence)), rejected)
 
 
 def _find_open(
@@ -125,7 +132,6 @@ def _verify(
     step = np.abs(np.sum(np.where(on_rim, edges.step, 0.0), axis=1)) / count
     floor = _LEAST_STEP * float(np.ptp(levels[::8, ::8])) + 1e-9
     ragged = rms / (_RAGGED_PX + _RAGGED_SHARE * ellipse.semi_major)
-    wanted = {"any": 0.0, "dark": 1.0, "bright": -1.0}[polarity]
     perimeter = np.pi * (ellipse.semi_major + ellipse.semi_minor)
     evidence = share * perimeter * step / (1.0 + (rms / 0.5) ** 2)
     # Where slivers are looked for, they have a way of their own.
@@ -149,7 +155,7 @@ def _verify(
             reason = Rejection.RAGGED
         elif step[i] < floor:
             reason = Rejection.WEAK_EDGE
-        elif wanted * edges.polarity[i] < 0.0:
+        elif WANTED_SIGN[polarity] * edges.polarity[i] < 0.0:
             reason = Rejection.POLARITY
         if reason is None:
             kept.append(int(i))

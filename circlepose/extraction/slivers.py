@@ -8,7 +8,7 @@ import numpy as np
 
 from circlepose._typing import Image
 from circlepose.conic import Ellipse, signed_distance
-from circlepose.extraction.contour import Contour, Rejection
+from circlepose.extraction.contour import WANTED_SIGN, Contour, Rejection
 from circlepose.extraction.rim import sample
 from circlepose.fitting.thin_ellipse import ThinEllipse, fit_thin_ellipse
 from circlepose.target import AxisIntervals, Polarity
@@ -24,6 +24,9 @@ _STRETCH = 6.0
 _BESIDE_PX = 5.0
 _SMOOTH = 15
 _LINE_SHARE = 0.4
+_LEAST_RIDGE = 0.5
+"""Least height of a line over its surroundings, as a share of the difference between its two sides."""
+_LENGTH_SLACK = 1.3
 _EXTENSIONS = 4
 _TIP_SLACK = 1.06
 
@@ -37,42 +40,59 @@ def find_slivers(
         if any(_lies_on(rough[i], other.ellipse) for other in found):
             rejected[Rejection.DUPLICATE] += 1
             continue
-        fitted = _fit_whole(levels, rough[i])
-        reason = _why_not(fitted, intervals, polarity)
-        if reason is None and fitted is not None:
+        fitted = _fit_whole(levels, rough[i], intervals)
+        reason = fitted if isinstance(fitted, Rejection) else _why_not(fitted, intervals, polarity)
+        if reason is None and isinstance(fitted, ThinEllipse):
             found.append(_contour(fitted))
-        if reason is not None:
+        elif reason is not None:
             rejected[reason] += 1
     return sorted(found, key=lambda contour: -contour.evidence)
 
 
-def _fit_whole(levels: Image, fragment: Ellipse) -> ThinEllipse | None:
-    """Fit the sliver that `fragment` is part of; None while the line still goes on beyond its tips."""
+def _fit_whole(levels: Image, fragment: Ellipse, intervals: AxisIntervals) -> ThinEllipse | Rejection:
+    """Fit the sliver that `fragment` is part of, or say why not; a line that goes on beyond its tips is none."""
     start = fragment
     for _ in range(_EXTENSIONS):
-        start = _whole_line(levels, start)
-        fitted = fit_thin_ellipse(levels, start)
+        line = _whole_line(levels, start)
+        if line is None:
+            return Rejection.WEAK_EDGE
+        longest = 2.0 * float(line.semi_major)
+        if intervals.major_px is not None and not (
+            intervals.major_px[0] / _LENGTH_SLACK <= longest <= intervals.major_px[1] * _LENGTH_SLACK
+        ):
+            return Rejection.MAJOR_AXIS
+        fitted = fit_thin_ellipse(levels, line)
         if fitted is None:
-            return None
+            return Rejection.NOT_ELLIPTICAL
         start = fitted.ellipse
-        if _whole_line(levels, start).semi_major <= _TIP_SLACK * start.semi_major:
+        whole = _whole_line(levels, start)
+        if whole is not None and whole.semi_major <= _TIP_SLACK * start.semi_major:
             return fitted
-    return None
+    return Rejection.NOT_ELLIPTICAL
 
 
-def _whole_line(levels: Image, fragment: Ellipse) -> Ellipse:
-    """Stretch an ellipse that stands for a fragment of a thin line to where the line ends on either side."""
-    if fragment.semi_minor > _FRAGMENT_PX:
-        return fragment
+def _whole_line(levels: Image, fragment: Ellipse) -> Ellipse | None:
+    """Stretch an ellipse that stands for a fragment of a thin line to where the line ends on either side.
+
+    None when the levels on the line do not stand out from those on both sides: an edge between two areas.
+    """
     cos, sin = np.cos(fragment.angle), np.sin(fragment.angle)
-    u = np.arange(-_STRETCH * fragment.semi_major, _STRETCH * fragment.semi_major)
-    v = np.array([-_BESIDE_PX - 1.0, -_BESIDE_PX, -1.0, 0.0, 1.0, _BESIDE_PX, _BESIDE_PX + 1.0])
+    beside = float(fragment.semi_minor) + _BESIDE_PX
+    reach = int(min(_STRETCH * float(fragment.semi_major), np.hypot(*levels.shape)))
+    u = np.arange(-reach, reach + 1, dtype=np.float64)
+    v = np.array([-beside - 1.0, -beside, -1.0, 0.0, 1.0, beside, beside + 1.0])
     along, across = np.meshgrid(u, v, indexing="ij")
     where = fragment.center + np.stack([cos * along - sin * across, sin * along + cos * across], axis=-1)
     level, inside = sample(levels, where)
-    ridge = level[:, 2:5].mean(axis=1) - level[:, [0, 1, 5, 6]].mean(axis=1)
+    left, right = level[:, :2].mean(axis=1), level[:, 5:].mean(axis=1)
+    ridge = level[:, 2:5].mean(axis=1) - (left + right) / 2.0
+    core = np.abs(u) < 0.5 * fragment.semi_major
+    typical = float(np.median(ridge[core]))
+    if abs(typical) < _LEAST_RIDGE * abs(float(np.median((left - right)[core]))) + 1e-9:
+        return None
+    if fragment.semi_minor > _FRAGMENT_PX:
+        return fragment
     smooth = np.convolve(ridge, np.full(_SMOOTH, 1.0 / _SMOOTH), mode="same")
-    typical = float(np.median(smooth[np.abs(u) < 0.5 * fragment.semi_major]))
     on_line = (smooth * np.sign(typical) > _LINE_SHARE * abs(typical)) & inside.all(axis=1)
     middle = len(u) // 2
     before, after = np.flatnonzero(~on_line[:middle]), np.flatnonzero(~on_line[middle:])
@@ -87,17 +107,14 @@ def _whole_line(levels: Image, fragment: Ellipse) -> Ellipse:
     )
 
 
-def _why_not(fitted: ThinEllipse | None, intervals: AxisIntervals, polarity: Polarity) -> Rejection | None:
-    if fitted is None:
-        return Rejection.NOT_ELLIPTICAL
+def _why_not(fitted: ThinEllipse, intervals: AxisIntervals, polarity: Polarity) -> Rejection | None:
     if not intervals.holds_major(2.0 * float(fitted.ellipse.semi_major)):
         return Rejection.MAJOR_AXIS
     if not intervals.holds_minor(2.0 * float(fitted.ellipse.semi_minor)):
         return Rejection.MINOR_AXIS
     if fitted.rms_levels > _WORST_RMS * fitted.peak_levels:
         return Rejection.RAGGED
-    wanted = {"any": 0.0, "dark": -1.0, "bright": 1.0}[polarity]
-    return Rejection.POLARITY if wanted * fitted.contrast < 0.0 else None
+    return Rejection.POLARITY if WANTED_SIGN[polarity] * fitted.contrast > 0.0 else None
 
 
 def _contour(fitted: ThinEllipse) -> Contour:

@@ -30,17 +30,20 @@ _FADE = 0.15
 _ROUNDS = ((10, 1.4), (10, 1.4), (10, 1.4), (12, 1.0), (6, 1.0))
 """Steps of each round, and how far beyond the tips it looks: the start may be a fragment of the sliver."""
 _MOST_PIXELS = 14000
+_GROWTH = 3.0
+"""Longest semi-major axis, in units of the start's, before the fit has lost its object."""
 _QUANTIZATION = 1.0 / 12.0
 """Variance of rounding to whole levels: the noise of an image without noise."""
 
 
-_THIN_PX = 10.0
+THIN_PX = 10.0
+"""Semi-minor axis below which the tips of an ellipse are a matter of blur."""
 _THIN_RATIO = 0.15
 
 
 def are_thin(ellipse: Ellipse) -> BoolArray:
     """Tell (...) which image ellipses (px) are so thin that blur joins their sides, at the tips at least."""
-    return np.asarray(ellipse.semi_minor < np.minimum(_THIN_PX, _THIN_RATIO * ellipse.semi_major))
+    return np.asarray(ellipse.semi_minor < np.minimum(THIN_PX, _THIN_RATIO * ellipse.semi_major))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,7 +78,7 @@ def fit_thin_ellipse(grey: Image, start: Ellipse) -> ThinEllipse | None:
         pixels = _pixels(grey, theta, stretch)
         if pixels is None:
             return None
-        problem = _Problem(*pixels, center)
+        problem = _Problem(*pixels, center, float(start.semi_major))
         fitted = _levenberg_marquardt(problem, theta, steps)
         if fitted is None:
             return None
@@ -98,6 +101,7 @@ class _Problem:
     levels: FloatArray
     root_weight: FloatArray
     origin: FloatArray
+    semi_major: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -121,7 +125,7 @@ def _levenberg_marquardt(problem: _Problem, theta: FloatArray, steps: int) -> tu
         step = -np.linalg.solve(normal_matrix + damping * scale, gradient)
         trial = theta + step
         trial[3], trial[5] = max(abs(trial[3]), 1e-3), np.clip(trial[5], *_SIGMA_PX)
-        if trial[2] <= 0.0 or np.any(np.abs(trial[:2] - problem.origin) > trial[2]):
+        if not 0.0 < trial[2] < _GROWTH * problem.semi_major or np.any(np.abs(trial[:2] - problem.origin) > trial[2]):
             return None
         after = _evaluate(trial, problem)
         if after.cost <= state.cost:
