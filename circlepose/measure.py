@@ -11,9 +11,10 @@ from circlepose.camera import Camera
 from circlepose.conic import Ellipse
 from circlepose.extraction.contour import Contour
 from circlepose.extraction.rim import contour_normals, locate_edges
+from circlepose.fitting.consensus import local_scatter, on_one_ellipse
 from circlepose.fitting.direct import fit_ellipse
 from circlepose.fitting.thin_ellipse import are_thin, fit_thin_ellipse
-from circlepose.fitting.viewing_cone import ConeFit, factor_from_ellipse, fit_cone
+from circlepose.fitting.viewing_cone import ConeFit, factor_from_ellipse, fit_cone, rim_distance_px
 
 _REACH_PX = 2.5
 _SPACING_PX = 1.5
@@ -23,6 +24,12 @@ _OUTLIER = 4.0
 _FINEST_PX = 0.05
 """An edge this close is the rim's, however well the others agree."""
 _TRIMS = 3
+_FULL_RIM = 0.93
+_SMOOTH = 1.6
+"""A rim that is an edge all around scatters about its ellipse hardly more than neighbouring edges do."""
+_SCATTERS = 3.5
+_LEAST_AGREEING = 0.3
+"""Share of the rim that must lie on one ellipse."""
 _THIN_PLACES = 48
 _WORST_RMS = 0.25
 """Largest rms residual, as a share of the contrast, with which a fit to the levels is believed."""
@@ -57,16 +64,54 @@ def fit_rim(levels: Image, camera: Camera, contour: Contour, *, refine: bool = T
         return None
     if not refine:
         return _rim(camera, fit, contour.points, contour.rim_used, contour.polarity)
-    perimeter = np.pi * float(contour.ellipse.semi_major + contour.ellipse.semi_minor)
+    factor = fit.factor
+    for last in (False, True):
+        placed = _place_edges(levels, camera, factor, contour.ellipse)
+        if placed is None:
+            return None
+        points, places = placed
+        refined = _without_outliers(camera, points)
+        if refined is None:
+            return None
+        cone, used = refined
+        rim_used = len(used) / places
+        scatter = max(local_scatter(used), _FINEST_PX / _SCATTERS)
+        if rim_used > _FULL_RIM and cone.rms_px < _SMOOTH * scatter:
+            break
+        # Something stands along part of the rim.
+        agreeing = on_one_ellipse(points, scatter)
+        consensus = fit_cone(camera, points[agreeing]) if agreeing.sum() >= _LEAST_AGREEING * places else None
+        if consensus is not None:
+            cone, used = _with_all_near(camera, consensus, points, _SCATTERS * scatter) or (cone, used)
+            rim_used = len(used) / places
+        if last:
+            break
+        factor = cone.factor
+    return _rim(camera, cone, used, rim_used, contour.polarity)
+
+
+def _place_edges(
+    levels: Image, camera: Camera, factor: FloatArray, ellipse: Ellipse
+) -> tuple[FloatArray, int] | None:
+    """Place edges along the rim of the cone with `factor`; returns the points (n, 2) and of how many places."""
+    perimeter = np.pi * float(ellipse.semi_major + ellipse.semi_minor)
     places = int(np.clip(perimeter / _SPACING_PX, *_PLACES))
-    predicted = rim_pixels(camera, fit.factor, places)
+    predicted = rim_pixels(camera, factor, places)
     if not np.all(np.isfinite(predicted)):
         return None
-    reach = min(_REACH_PX, max(0.45 * float(contour.ellipse.semi_minor) + 0.5, 1.0))
+    reach = min(_REACH_PX, max(0.45 * float(ellipse.semi_minor) + 0.5, 1.0))
     edges = locate_edges(levels, predicted[None], contour_normals(predicted[None]), np.array([reach]))
-    points = edges.points[0][edges.valid[0]]
-    refined = _without_outliers(camera, points)
-    return None if refined is None else _rim(camera, *refined, len(refined[1]) / places, contour.polarity)
+    return edges.points[0][edges.valid[0]], places
+
+
+def _with_all_near(
+    camera: Camera, fit: ConeFit, points: FloatArray, tolerance_px: float
+) -> tuple[ConeFit, FloatArray] | None:
+    """Fit again to all `points` (n, 2) within `tolerance_px` of the rim of `fit`."""
+    rays, jacobians = camera.rays_with_jacobian(points)
+    near = np.abs(rim_distance_px(fit.factor, rays, jacobians)) <= tolerance_px
+    again = fit_cone(camera, points[near])
+    return None if again is None else (again, points[near])
 
 
 def _thin_rim(levels: Image, camera: Camera, start: Ellipse) -> Rim | None:
