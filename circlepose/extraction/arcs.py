@@ -8,8 +8,9 @@ from circlepose._typing import FloatArray
 
 _SPAN = 6
 """Points on either side over which a chain's turning is measured."""
-_CORNER_RAD = np.radians(50.0)
-"""Sharper than any rim of a chain long enough to be cut."""
+_CORNER_RAD = np.radians(22.0)
+_CORNER_TURNS = 1.5
+"""A corner turns by more than the first, and so many times what a circle as long as the chain would."""
 _BEND_RAD = np.radians(14.0)
 """Turning that the pixel grid alone does not make."""
 _SHORTEST_CHAIN = 60
@@ -41,7 +42,8 @@ def _cuts(chain: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
     )
     size = np.abs(turn)
     neighbours = np.max([np.roll(size, k) for k in range(-_SPAN, _SPAN + 1)], axis=0)
-    corner = (size > _CORNER_RAD) & (size == neighbours)
+    sharp = _CORNER_RAD + _CORNER_TURNS * 2.0 * np.pi * _SPAN / len(chain)
+    corner = (size > sharp) & (size == neighbours)
     bends = np.flatnonzero(size > _BEND_RAD)
     flips = bends[np.sign(turn[bends]) != np.sign(turn[np.roll(bends, 1)])] if len(bends) else bends
     return np.unique(np.concatenate([np.flatnonzero(corner), flips]))

@@ -25,6 +25,7 @@ _ROUGH_RMS_PX = 1.0
 _ROUGH_RMS_SHARE = 0.03
 """A chain may stray this far (px, or share of the minor axis) and still be worth a closer look."""
 _TRIMS = 3
+_LEAST_RIM = 0.35
 _LONG_PX = 15.0
 """Semi-major axis from which a line may be a circle seen edge-on."""
 
@@ -82,7 +83,7 @@ def _fit(chains: Contours, rejected: Counter[Rejection]) -> Ellipse:
     on_rim = chains.total((distance < 2.0 * near[owner]).astype(np.float64))
     # A shorter arc says too little of the rest of the rim.
     perimeter = np.pi * (ellipse.semi_major + ellipse.semi_minor)
-    good = found & (on_rim >= 0.4 * perimeter) & ((ellipse.semi_minor >= 1.0) | (ellipse.semi_major >= _LONG_PX))
+    good = found & (on_rim >= _LEAST_RIM * perimeter) & ((ellipse.semi_minor >= 1.0) | (ellipse.semi_major >= _LONG_PX))
     rejected[Rejection.NOT_ELLIPTICAL] += len(found) - int(np.sum(good))
     return ellipse[good]
 

@@ -16,12 +16,19 @@ _LEAST_BULGE = 0.02
 _LEAST_PX = 15.0
 _NEAR_PX = 0.8
 _NEAR_SHARE = 0.004
+_LEAST_PAIR = 0.2
 _LEAST_COVER = 0.35
-"""Share of the common ellipse's rim that the two arcs must cover."""
+_MOST_COVER = 2.3
+"""Shares of the common ellipse's rim that two arcs, and all that lie on it, must cover."""
+_ALSO_PX = 2.0
+_ALSO_SHARE = 0.04
 
 
 def joined_arcs(arcs: list[FloatArray], longest_px: float) -> list[FloatArray]:
-    """Return, for each pair of `arcs` (n, 2) that lies on one ellipse no longer than `longest_px`, their points."""
+    """Return the points of each family of `arcs` (n, 2) that lie on one ellipse no longer than `longest_px`.
+
+    A family is a pair that agrees on an ellipse, and all other arcs on that ellipse.
+    """
     arcs = sorted((a for a in arcs if _bulges(a)), key=len, reverse=True)[:_MOST_ARCS]
     if len(arcs) < 2:
         return []
@@ -42,10 +49,21 @@ def joined_arcs(arcs: list[FloatArray], longest_px: float) -> list[FloatArray]:
     ellipse, found = fit_ellipses(pairs, (weights / weights.max()).reshape(-1))
     good = found & _agree(ellipse, points) & (2.0 * ellipse.semi_major < longest_px)
     perimeter = np.pi * (ellipse.semi_major + ellipse.semi_minor)
-    # A ragged chain is longer than the rim under it, hence the bound from above too.
-    cover = (lengths[first] + lengths[second]) / perimeter
-    good &= (cover > _LEAST_COVER) & (cover < 1.3)
-    return [np.concatenate([arcs[i], arcs[j]]) for i, j in zip(first[good], second[good], strict=True)]
+    good &= (lengths[first] + lengths[second] > _LEAST_PAIR * perimeter) & (ellipse.semi_minor > 0.0)
+    families: set[tuple[int, ...]] = set()
+    for k in np.flatnonzero(good):
+        members = {int(first[k]), int(second[k]), *_also_on(ellipse[k], samples)}
+        cover = lengths[list(members)].sum() / perimeter[k]
+        # Both borders of one edge may count, hence up to twice the rim.
+        if _LEAST_COVER < cover < _MOST_COVER:
+            families.add(tuple(sorted(members)))
+    return [np.concatenate([arcs[i] for i in family]) for family in sorted(families)]
+
+
+def _also_on(ellipse: Ellipse, samples: FloatArray) -> list[int]:
+    """Return which arcs, by their `samples` (m, k, 2), lie on the ellipse of a pair, which may be a little off."""
+    distance = np.abs(rim_distance(ellipse, samples.reshape(-1, 2))).reshape(len(samples), -1)
+    return [int(i) for i in np.flatnonzero(distance.max(axis=1) < max(_ALSO_PX, _ALSO_SHARE * float(ellipse.semi_major)))]
 
 
 def _bulges(arc: FloatArray) -> bool:

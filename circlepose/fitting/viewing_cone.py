@@ -14,9 +14,12 @@ import numpy as np
 from circlepose._typing import FloatArray
 from circlepose.camera import Camera
 from circlepose.cone import SIGNATURE, plane_basis
-from circlepose.conic import Ellipse, wrap_half_turn
+from circlepose.conic import Ellipse
 from circlepose.fitting.direct import fit_ellipse
+from circlepose.fitting.guaranteed import refine_ellipse
 
+_STEPS = 12
+"""The direct fit is a good start: two or three steps do for a whole rim."""
 _FORWARD = 0.2
 """z of a unit ray from which the plane z = 1 serves: within 78 deg of the axis."""
 
@@ -50,11 +53,11 @@ def fit_cone(camera: Camera, pixels: FloatArray, weights: FloatArray | None = No
     local = rays @ turn.T
     if np.any(local[:, 2] <= 0.05):
         return None
-    ellipse = fit_ellipse(local[:, :2] / local[:, 2:], weights)
+    plane = local[:, :2] / local[:, 2:]
+    ellipse = fit_ellipse(plane, weights)
     if ellipse is None or ellipse.semi_minor <= 0.0:
         return None
-    local_jacobians = turn @ jacobians
-    refined = _least_squares(ellipse, local, local_jacobians, weights)
+    refined, _ = refine_ellipse(ellipse, plane, _pixel_covariances(local, turn @ jacobians), weights, _STEPS)
     factor = turn.T @ refined.factor
     return ConeFit(factor, rim_distance_px(factor, rays, jacobians))
 
@@ -105,59 +108,11 @@ def rim_distance_px(factor: FloatArray, rays: FloatArray, jacobians: FloatArray)
     return value / np.hypot(gradient[:, 0], gradient[:, 1])
 
 
-def _least_squares(
-    ellipse: Ellipse, local: FloatArray, jacobians: FloatArray, weights: FloatArray | None, steps: int = 4
-) -> Ellipse:
-    """Polish an ellipse (in the plane z = 1 of `local` rays) so that its squared distances in px are least.
+def _pixel_covariances(rays: FloatArray, jacobians: FloatArray) -> FloatArray:
+    """Return the covariance (n, 2, 2), in the plane z = 1, of a pixel with an error of 1 px both ways.
 
-    Gauss-Newton on centre, semi-axes and angle; the distance's weight |d plane / d pixel| is held per step.
+    For `rays` (n, 3) and `jacobians` (n, 3, 2) = d ray / d pixel: distances in standard errors are then in px.
     """
-    root_weights = np.ones(len(local)) if weights is None else np.sqrt(weights)
-    plane = local[:, :2] / local[:, 2:]
-    to_plane = (jacobians[:, :2, :] - plane[:, :, None] * jacobians[:, 2:, :]) / local[:, 2, None, None]
-    current = ellipse
-    for _ in range(steps):
-        residual, slopes = _plane_distance(current, plane, to_plane)
-        scaled = slopes * root_weights[:, None]
-        try:
-            step = np.linalg.lstsq(scaled, -residual * root_weights, rcond=None)[0]
-        except np.linalg.LinAlgError:
-            return current
-        axes = np.array([current.semi_major, current.semi_minor])
-        # A step that would lose half an axis is no refinement: keep what the direct fit gave.
-        if not np.all(np.isfinite(step)) or np.any(np.abs(step[2:4]) > 0.5 * axes):
-            return current
-        current = Ellipse.from_axes(
-            current.center + step[:2], axes + step[2:4], wrap_half_turn(current.angle + step[4])
-        )
-        if np.all(np.abs(step[:4]) < 1e-9 * axes[1]):
-            break
-    return current
-
-
-def _plane_distance(ellipse: Ellipse, plane: FloatArray, to_plane: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the distances (n,) in px of points (n, 2) to the rim and their derivatives (n, 5)."""
-    cos, sin = np.cos(ellipse.angle), np.sin(ellipse.angle)
-    a, b = ellipse.semi_major, ellipse.semi_minor
-    offset = plane - ellipse.center
-    along = cos * offset[:, 0] + sin * offset[:, 1]
-    across = cos * offset[:, 1] - sin * offset[:, 0]
-    x, y = along / a, across / b
-    radius = np.maximum(np.hypot(x, y), 1e-12)
-    value = radius - 1.0
-    # d value / d (along, across), then to the plane's axes and on to pixels.
-    by_along, by_across = x / (radius * a), y / (radius * b)
-    slope = np.stack([by_along * cos - by_across * sin, by_along * sin + by_across * cos], axis=-1)
-    gradient = np.einsum("ni,nij->nj", slope, to_plane)
-    per_px = np.hypot(gradient[:, 0], gradient[:, 1])
-    derivatives = np.stack(
-        [
-            -slope[:, 0],
-            -slope[:, 1],
-            -x * x / (radius * a),
-            -y * y / (radius * b),
-            by_along * across - by_across * along,
-        ],
-        axis=-1,
-    )
-    return value / per_px, derivatives / per_px[:, None]
+    plane = rays[:, :2] / rays[:, 2:]
+    to_plane = (jacobians[:, :2, :] - plane[:, :, None] * jacobians[:, 2:, :]) / rays[:, 2, None, None]
+    return to_plane @ np.swapaxes(to_plane, -1, -2)
