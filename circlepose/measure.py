@@ -14,7 +14,14 @@ from circlepose.extraction.rim import contour_normals, locate_edges
 from circlepose.fitting.consensus import local_scatter, on_one_ellipse
 from circlepose.fitting.direct import fit_ellipse
 from circlepose.fitting.thin_ellipse import are_thin, fit_thin_ellipse
-from circlepose.fitting.viewing_cone import ConeFit, factor_from_ellipse, fit_cone, rim_distance_px
+from circlepose.fitting.viewing_cone import (
+    ConeFit,
+    SeenPoints,
+    factor_from_ellipse,
+    fit_cone,
+    fit_cone_to,
+    rim_distance_px,
+)
 
 _REACH_PX = 2.5
 _SPACING_PX = 1.5
@@ -27,6 +34,9 @@ _TRIMS = 3
 _FULL_RIM = 0.93
 _SMOOTH = 1.6
 """A rim that is an edge all around scatters about its ellipse hardly more than neighbouring edges do."""
+_FINEST_RMS_PX = 0.12
+_LEAST_PLACES = 60
+"""Places along a rim from which parts of it can be told from each other."""
 _SCATTERS = 3.5
 _LEAST_AGREEING = 0.3
 """Share of the rim that must lie on one ellipse."""
@@ -69,31 +79,30 @@ def fit_rim(levels: Image, camera: Camera, contour: Contour, *, refine: bool = T
         placed = _place_edges(levels, camera, factor, contour.ellipse)
         if placed is None:
             return None
-        points, places = placed
-        refined = _without_outliers(camera, points)
+        edges, places = placed
+        refined = _without_outliers(edges)
         if refined is None:
             return None
         cone, used = refined
-        rim_used = len(used) / places
-        scatter = max(local_scatter(used), _FINEST_PX / _SCATTERS)
-        if rim_used > _FULL_RIM and cone.rms_px < _SMOOTH * scatter:
+        scatter = max(local_scatter(used.pixels), _FINEST_PX / _SCATTERS)
+        whole = len(used) > _FULL_RIM * places and cone.rms_px < max(_SMOOTH * scatter, _FINEST_RMS_PX)
+        if whole or places < _LEAST_PLACES:
             break
         # Something stands along part of the rim.
-        agreeing = on_one_ellipse(points, scatter)
-        consensus = fit_cone(camera, points[agreeing]) if agreeing.sum() >= _LEAST_AGREEING * places else None
+        agreeing = on_one_ellipse(edges.pixels, scatter)
+        consensus = fit_cone_to(edges[agreeing]) if agreeing.sum() >= _LEAST_AGREEING * places else None
         if consensus is not None:
-            cone, used = _with_all_near(camera, consensus, points, _SCATTERS * scatter) or (cone, used)
-            rim_used = len(used) / places
+            cone, used = _with_all_near(consensus, edges, _SCATTERS * scatter) or (cone, used)
         if last:
             break
         factor = cone.factor
-    return _rim(camera, cone, used, rim_used, contour.polarity)
+    return _rim(camera, cone, used.pixels, len(used) / places, contour.polarity)
 
 
 def _place_edges(
     levels: Image, camera: Camera, factor: FloatArray, ellipse: Ellipse
-) -> tuple[FloatArray, int] | None:
-    """Place edges along the rim of the cone with `factor`; returns the points (n, 2) and of how many places."""
+) -> tuple[SeenPoints, int] | None:
+    """Place edges along the rim of the cone with `factor`; returns those found and at how many places."""
     perimeter = np.pi * float(ellipse.semi_major + ellipse.semi_minor)
     places = int(np.clip(perimeter / _SPACING_PX, *_PLACES))
     predicted = rim_pixels(camera, factor, places)
@@ -101,17 +110,14 @@ def _place_edges(
         return None
     reach = min(_REACH_PX, max(0.45 * float(ellipse.semi_minor) + 0.5, 1.0))
     edges = locate_edges(levels, predicted[None], contour_normals(predicted[None]), np.array([reach]))
-    return edges.points[0][edges.valid[0]], places
+    return SeenPoints.of(camera, edges.points[0][edges.valid[0]]), places
 
 
-def _with_all_near(
-    camera: Camera, fit: ConeFit, points: FloatArray, tolerance_px: float
-) -> tuple[ConeFit, FloatArray] | None:
-    """Fit again to all `points` (n, 2) within `tolerance_px` of the rim of `fit`."""
-    rays, jacobians = camera.rays_with_jacobian(points)
-    near = np.abs(rim_distance_px(fit.factor, rays, jacobians)) <= tolerance_px
-    again = fit_cone(camera, points[near])
-    return None if again is None else (again, points[near])
+def _with_all_near(fit: ConeFit, edges: SeenPoints, tolerance_px: float) -> tuple[ConeFit, SeenPoints] | None:
+    """Fit again to all `edges` within `tolerance_px` of the rim of `fit`."""
+    near = np.abs(rim_distance_px(fit.factor, edges.rays, edges.jacobians)) <= tolerance_px
+    again = fit_cone_to(edges[near])
+    return None if again is None else (again, edges[near])
 
 
 def _thin_rim(levels: Image, camera: Camera, start: Ellipse) -> Rim | None:
@@ -128,19 +134,19 @@ def _thin_rim(levels: Image, camera: Camera, start: Ellipse) -> Rim | None:
     return Rim(cone, points, fitted.ellipse, 1.0, -1 if fitted.contrast > 0.0 else 1)
 
 
-def _without_outliers(camera: Camera, points: FloatArray) -> tuple[ConeFit, FloatArray] | None:
-    """Fit a cone to edge `points` (n, 2), leaving out those that stand apart; also returns the points in use."""
+def _without_outliers(edges: SeenPoints) -> tuple[ConeFit, SeenPoints] | None:
+    """Fit a cone to `edges`, leaving out those that stand apart; also returns those in use."""
     for _ in range(_TRIMS):
-        fit = fit_cone(camera, points)
+        fit = fit_cone_to(edges)
         if fit is None:
             return None
         residual = np.abs(fit.residuals_px)
         near = residual <= max(_OUTLIER * 1.4826 * float(np.median(residual)), _FINEST_PX)
         if near.all():
-            return fit, points
-        points = points[near]
-    fit = fit_cone(camera, points)
-    return None if fit is None else (fit, points)
+            return fit, edges
+        edges = edges[near]
+    fit = fit_cone_to(edges)
+    return None if fit is None else (fit, edges)
 
 
 def _rim(camera: Camera, fit: ConeFit, points: FloatArray, rim_used: float, polarity: int) -> Rim | None:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator
 
 from circlepose._typing import Image
 from circlepose.camera import Camera
 from circlepose.errors import ArgumentError
-from circlepose.extraction.contour import Rejection
+from circlepose.extraction import EXTRACTIONS
+from circlepose.extraction.contour import Contour, Rejection
 from circlepose.extraction.find import find_contours
 from circlepose.extraction.grey import to_grey
 from circlepose.extraction.intervals import axis_intervals
@@ -26,6 +28,7 @@ def estimate(
     *,
     method: str = "chen-huang",
     refine: bool = True,
+    extraction: str = EXTRACTIONS[0],
     scale_calibration: bool = False,
     name: str = "",
 ) -> ImageResult:
@@ -46,6 +49,8 @@ def estimate(
     refine
         Place the edges anew along the rim that the lens model predicts. Without it the pose is that of the
         extracted contour.
+    extraction
+        A name of `circlepose.extraction.EXTRACTIONS`: connected edges, or region borders that coincide with edges.
     name
         Under which the image is reported.
 
@@ -62,6 +67,8 @@ def estimate(
     methods = METHODS if method == "all" else (method,)
     if not set(methods) <= set(METHODS):
         raise ArgumentError(f"method: expected all or one of {', '.join(METHODS)}, got {method!r}.")
+    if extraction not in EXTRACTIONS:
+        raise ArgumentError(f"extraction: expected one of {', '.join(EXTRACTIONS)}, got {extraction!r}.")
     grey = to_grey(image)
     size = (int(grey.shape[1]), int(grey.shape[0]))
     if camera.image_size is not None and camera.image_size != size:
@@ -77,37 +84,49 @@ def estimate(
         target.polarity if lone else "any",
         keep_concentric=not lone,
         enough=target.count if lone else None,
+        extraction=extraction,
     )
     rejected = Counter(found.rejected)
-    rims: list[Rim] = []
-    for contour in found.contours:
+    remaining = iter(found.contours)
+    rims = _rims(grey, camera, remaining, refine, rejected)
+    incomplete = ""
+    if lone:
+        circles = _lone_circles(rims, camera, target, methods, rejected)
+        rejected[Rejection.BEYOND_COUNT] += sum(1 for _ in remaining)
+    else:
+        all_rims = list(rims)
+        circles = find_ring_targets(all_rims, camera, target, methods, rejected)
+        incomplete = contradiction(all_rims, target)
+    return _image_result(name, size, target, circles, rejected, incomplete)
+
+
+def _rims(
+    grey: Image, camera: Camera, contours: Iterator[Contour], refine: bool, rejected: Counter[Rejection]
+) -> Iterator[Rim]:
+    """Measure the rims of contours as they are asked for, the most evident first."""
+    for contour in contours:
         rim = fit_rim(grey, camera, contour, refine=refine)
         if rim is None:
             rejected[Rejection.NO_POSE] += 1
         else:
-            rims.append(rim)
-    if lone:
-        circles = _lone_circles(rims, camera, target, methods, rejected)
-    else:
-        circles = find_ring_targets(rims, camera, target, methods, rejected)
-    return _image_result(name, size, target, circles, rejected, contradiction(rims, target))
+            yield rim
 
 
 def _lone_circles(
-    rims: list[Rim], camera: Camera, target: Target, methods: tuple[str, ...], rejected: Counter[Rejection]
+    rims: Iterator[Rim], camera: Camera, target: Target, methods: tuple[str, ...], rejected: Counter[Rejection]
 ) -> list[CircleResult]:
     circles: list[CircleResult] = []
     instance = 0
-    for rim in rims:
-        if target.count is not None and instance >= target.count:
-            rejected[Rejection.BEYOND_COUNT] += 1
-            continue
+    while target.count is None or instance < target.count:
+        rim = next(rims, None)
+        if rim is None:
+            break
         results = circle_results(rim, camera, methods, target.radii_mm[0], instance, "disc")
-        if not _in_depth_range(results, target):
+        if _in_depth_range(results, target):
+            circles.extend(results)
+            instance += 1
+        else:
             rejected[Rejection.DEPTH] += 1
-            continue
-        circles.extend(results)
-        instance += 1
     return circles
 
 

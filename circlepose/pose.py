@@ -22,6 +22,10 @@ class Status(StrEnum):
     NO_CIRCLE = "no_circle"
     TOO_FEW_CIRCLES = "too_few_circles"
     NO_POSE = "no_pose"
+    TOO_FEW_POINTS = "too_few_points"
+    POINTS_COINCIDE = "points_coincide"
+    SELF_CROSSING = "self_crossing"
+    TOUCHES_BORDER = "touches_border"
 
 
 STATUS_MEANING: Mapping[Status, str] = {
@@ -33,6 +37,10 @@ STATUS_MEANING: Mapping[Status, str] = {
     Status.NO_CIRCLE: "nothing in the image is the image of the target",
     Status.TOO_FEW_CIRCLES: "fewer targets were found than were asked for; this row stands for those missing",
     Status.NO_POSE: "the contour was found but has no pose by this method",
+    Status.TOO_FEW_POINTS: "the contour has fewer than 6 points",
+    Status.POINTS_COINCIDE: "all points of the contour are the same",
+    Status.SELF_CROSSING: "the contour crosses itself",
+    Status.TOUCHES_BORDER: "the contour runs along the image's border, where the circle is cut off",
 }
 
 
@@ -44,6 +52,8 @@ class Flag(StrEnum):
     NEAR_RIGHT = "near_right"
     NEAR_DEGENERATE = "near_degenerate"
     POOR_FIT = "poor_fit"
+    PARTIAL_RIM = "partial_rim"
+    CHORD_MENDED = "chord_mended"
 
 
 FLAG_MEANING: Mapping[Flag, str] = {
@@ -52,6 +62,8 @@ FLAG_MEANING: Mapping[Flag, str] = {
     Flag.NEAR_RIGHT: "seen almost along its axis; the tilt is ill-determined, the two candidates nearly agree",
     Flag.NEAR_DEGENERATE: "seen almost edge-on; the image is a sliver",
     Flag.POOR_FIT: "the contour departs from the fitted ellipse by more than edge noise explains",
+    Flag.PARTIAL_RIM: "a tenth of the rim or more is hidden, cut off or without contrast; see rim_used",
+    Flag.CHORD_MENDED: "contour route: one of its four points lay on an outlier, which was left out",
 }
 
 
@@ -96,6 +108,8 @@ class CircleResult:
     """of the rim in the raw distorted image, px"""
     residual_px: float | None = None
     """rms distance of the contour from the fitted rim, px"""
+    rim_used: float | None = None
+    """share of the rim, 0 to 1, whose edge the pose rests on; the rest is hidden, cut off or without contrast"""
     contour: FloatArray | None = None
     """(n, 2) px, the contour in use"""
     flags: tuple[Flag, ...] = ()

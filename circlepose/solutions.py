@@ -16,6 +16,7 @@ _NEAR_RIGHT = 4.0
 """The tilt is ill-determined while the semi-axes differ by less than so many standard errors."""
 _SLIVER_PX = 2.0
 _POOR_FIT_PX = 0.35
+_FULL_RIM = 0.9
 
 
 def circle_results(
@@ -34,6 +35,7 @@ def circle_results(
             radius_mm,
             ellipse=rim.ellipse,
             residual_px=rim.cone.rms_px,
+            rim_used=rim.rim_used,
             contour=rim.points,
         )
         if isinstance(solutions, str):
@@ -48,7 +50,7 @@ def circle_results(
                 candidates=candidates,
                 ambiguity=0.0 if one else 0.5,
                 cone=ConeKind(solutions.cone),
-                flags=_flags(rim, one),
+                flags=_flags(rim, one, solutions.mended),
             )
         )
     return results
@@ -77,7 +79,7 @@ def _candidates(solutions: Solutions, camera: Camera, reference: Solutions | str
     return tuple(sorted(candidates, key=lambda c: float(c.normal[2])))
 
 
-def _flags(rim: Rim, one: bool) -> tuple[Flag, ...]:
+def _flags(rim: Rim, one: bool, mended: bool) -> tuple[Flag, ...]:
     flags = [] if one else [Flag.AMBIGUOUS]
     frame = principal_frame(rim.cone.factor)
     semi_minor = float(rim.ellipse.semi_minor)
@@ -89,4 +91,8 @@ def _flags(rim: Rim, one: bool) -> tuple[Flag, ...]:
         flags.append(Flag.NEAR_DEGENERATE)
     if rim.cone.rms_px > _POOR_FIT_PX:
         flags.append(Flag.POOR_FIT)
+    if mended:
+        flags.append(Flag.CHORD_MENDED)
+    if rim.rim_used < _FULL_RIM:
+        flags.append(Flag.PARTIAL_RIM)
     return tuple(flags)

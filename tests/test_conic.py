@@ -39,8 +39,10 @@ def test_ellipse_to_matrix_and_back_is_the_identity(batch):
 @given(ellipses, st.floats(-10.0, 10.0).filter(lambda s: abs(s) > 1e-3))
 def test_a_conic_has_no_scale(ellipse, scale):
     back = cn.ellipse_from_conic(scale * cn.conic_from_ellipse(ellipse))
-    np.testing.assert_allclose(back.semi_major, ellipse.semi_major, rtol=1e-5)
-    np.testing.assert_allclose(back.semi_minor, ellipse.semi_minor, rtol=1e-5)
+    # Far from the origin a matrix loses the square of distance over size in digits.
+    rounding = 1e-13 * (1.0 + np.linalg.norm(ellipse.center) / ellipse.semi_minor) ** 2
+    np.testing.assert_allclose(back.semi_major, ellipse.semi_major, rtol=1e-9 + rounding)
+    np.testing.assert_allclose(back.semi_minor, ellipse.semi_minor, rtol=1e-9 + rounding)
 
 
 @given(ellipses)

@@ -8,7 +8,9 @@ import numpy as np
 
 from circlepose._typing import BoolArray, FloatArray, Image
 from circlepose.conic import Ellipse, rim_distance
+from circlepose.extraction import EXTRACTIONS
 from circlepose.extraction.arcs import arcs
+from circlepose.extraction.coincidence import border_chains
 from circlepose.extraction.contour import Rejection
 from circlepose.extraction.edges import edge_chains, pyramid
 from circlepose.extraction.grouping import joined_arcs
@@ -30,13 +32,16 @@ _LONG_PX = 15.0
 """Semi-major axis from which a line may be a circle seen edge-on."""
 
 
-def rough_ellipses(grey8: Image, intervals: AxisIntervals) -> tuple[Ellipse, Counter[Rejection]]:
+def rough_ellipses(
+    grey8: Image, intervals: AxisIntervals, extraction: str = EXTRACTIONS[0]
+) -> tuple[Ellipse, Counter[Rejection]]:
     """Return the ellipses (batch, full-size px) that chains of edges suggest, and the chains passed over."""
+    chains_of = border_chains if extraction == "coincidence" else edge_chains
     rejected: Counter[Rejection] = Counter()
     parts = []
     for level, image in enumerate(pyramid(grey8, _LEVELS)):
         scale = 2.0**level
-        chains = edge_chains(image, _SHORTEST)
+        chains = chains_of(image, _SHORTEST)
         shortest, longest = _extents(intervals, scale, image)
         extents = [float(np.max(np.ptp(chain, axis=0))) for chain in chains]
         large = [chain for chain, extent in zip(chains, extents, strict=True) if extent >= shortest]
@@ -83,7 +88,9 @@ def _fit(chains: Contours, rejected: Counter[Rejection]) -> Ellipse:
     on_rim = chains.total((distance < 2.0 * near[owner]).astype(np.float64))
     # A shorter arc says too little of the rest of the rim.
     perimeter = np.pi * (ellipse.semi_major + ellipse.semi_minor)
-    good = found & (on_rim >= _LEAST_RIM * perimeter) & ((ellipse.semi_minor >= 1.0) | (ellipse.semi_major >= _LONG_PX))
+    good = (
+        found & (on_rim >= _LEAST_RIM * perimeter) & ((ellipse.semi_minor >= 1.0) | (ellipse.semi_major >= _LONG_PX))
+    )
     rejected[Rejection.NOT_ELLIPTICAL] += len(found) - int(np.sum(good))
     return ellipse[good]
 

@@ -22,14 +22,18 @@ def edge_chains(grey8: Image, shortest: int) -> list[FloatArray]:
     A closed edge gives two borders, its outer one and that of the hole within; an edge that something outside
     has merged with still has its hole.
     """
+    borders, _ = cv2.findContours(edge_map(grey8), cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
+    return [border[:, 0, :].astype(np.float64) for border in borders if len(border) >= shortest]
+
+
+def edge_map(grey8: Image) -> Image:
+    """Return the Canny edges of `grey8` (h, w) uint8: 255 on an edge, 0 elsewhere."""
     smooth = cv2.GaussianBlur(grey8, (5, 5), _BLUR_PX)
     dx = cv2.Sobel(smooth, cv2.CV_16S, 1, 0)
     dy = cv2.Sobel(smooth, cv2.CV_16S, 0, 1)
     sample = np.abs(dx[::4, ::4].astype(np.int32)) + np.abs(dy[::4, ::4])
     high = max(_NOISE_FACTOR * float(np.median(sample)), _LEAST_GRADIENT)
-    edges = cv2.Canny(dx, dy, _HYSTERESIS * high, high)
-    borders, _ = cv2.findContours(edges, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
-    return [border[:, 0, :].astype(np.float64) for border in borders if len(border) >= shortest]
+    return cv2.Canny(dx, dy, _HYSTERESIS * high, high)
 
 
 def pyramid(grey8: Image, levels: int) -> list[Image]:

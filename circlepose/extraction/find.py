@@ -8,6 +8,7 @@ import numpy as np
 
 from circlepose._typing import BoolArray, Image
 from circlepose.conic import Ellipse, rim_distance
+from circlepose.extraction import EXTRACTIONS
 from circlepose.extraction.candidates import rough_ellipses
 from circlepose.extraction.contour import WANTED_SIGN, Contour, Extraction, Rejection
 from circlepose.extraction.grey import eight_bit
@@ -43,6 +44,7 @@ def find_contours(
     polarity: Polarity = "any",
     keep_concentric: bool = False,
     enough: int | None = None,
+    extraction: str = EXTRACTIONS[0],
 ) -> Extraction:
     """Find all contours in `grey` (h, w) whose ellipse's axes lie within `intervals`, most evidence first.
 
@@ -51,7 +53,7 @@ def find_contours(
     fewer than `enough` contours otherwise; in both cases only where a length to expect is given, as every thin
     line would be one.
     """
-    rough, rejected = rough_ellipses(eight_bit(grey), intervals)
+    rough, rejected = rough_ellipses(eight_bit(grey), intervals, extraction)
     levels = grey.astype(np.float32) if grey.dtype != np.uint8 else grey
     rough = _without_repeats(rough)
     # Only where there is a length to expect: every thin line would be a circle seen edge-on.

@@ -63,7 +63,9 @@ def joined_arcs(arcs: list[FloatArray], longest_px: float) -> list[FloatArray]:
 def _also_on(ellipse: Ellipse, samples: FloatArray) -> list[int]:
     """Return which arcs, by their `samples` (m, k, 2), lie on the ellipse of a pair, which may be a little off."""
     distance = np.abs(rim_distance(ellipse, samples.reshape(-1, 2))).reshape(len(samples), -1)
-    return [int(i) for i in np.flatnonzero(distance.max(axis=1) < max(_ALSO_PX, _ALSO_SHARE * float(ellipse.semi_major)))]
+    return [
+        int(i) for i in np.flatnonzero(distance.max(axis=1) < max(_ALSO_PX, _ALSO_SHARE * float(ellipse.semi_major)))
+    ]
 
 
 def _bulges(arc: FloatArray) -> bool:

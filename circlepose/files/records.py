@@ -41,6 +41,7 @@ _CIRCLE_KEYS = (
     "semi_minor_px",
     "angle_deg",
     "residual_px",
+    "rim_used",
     "solutions",
 )
 _SOLUTION_KEYS = (

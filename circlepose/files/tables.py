@@ -47,6 +47,7 @@ COLUMN_MEANING: Mapping[str, str] = {
     "sigma_z_mm": "standard deviation of center_z_mm",
     "sigma_normal_deg": "standard deviation of the normal's direction: root of the sum of both tilts' variances",
     "flags": "remarks on a pose that stands, joined with ;",
+    "rim_used": "share of the rim, 0 to 1, whose edge the pose rests on",
 }
 COLUMNS: tuple[str, ...] = tuple(COLUMN_MEANING)
 
@@ -86,6 +87,7 @@ def circle_fields(circle: CircleResult) -> Row:
         "residual_px": circle.residual_px,
         "cone": circle.cone,
         "flags": ";".join(circle.flags),
+        "rim_used": circle.rim_used,
     }
     if circle.candidates:
         fields["ambiguity"] = circle.ambiguity

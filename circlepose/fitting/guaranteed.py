@@ -5,19 +5,20 @@ and an uncertainty measure for centre, axes, and orientation (2015). It minimise
 
     sum w f(x)^2 / (g' S g),    g = grad f(x), S the covariance of point x
 
-the squared first-order (Sampson) distances in standard errors, over parameters that only ellipses have. Theirs are
-latent parameters of a conic whose discriminant keeps its sign, and f = x'Cx. Ours is f = |y| - 1, the same to
-first order and closer to the true distance far from the rim, where y is x in the frame in which the ellipse is the
-unit circle; and a step is a small affine map of that circle,
+the squared first-order (Sampson) distances in standard errors, over latent parameters that only ellipses have.
+Ours differ from theirs. In the frame in which the ellipse at hand is the unit circle, y'y = 1, the next one is
 
-    u -> t + exp(E) u,    E = [[e0 + e1, e2], [e2, e0 - e1]],
+    y'(I - 2E) y - 2 t'y = 1,    E = [[e0 + e1, e2], [e2, e0 - e1]], I - 2E positive definite
 
-whose *latent* parameters (t_x, t_y, e0, e1, e2) give a proper ellipse whatever they are, and are regular at
-circles, where an angle is not. They are relative to the axes of the ellipse, so its size and place do not matter.
+with *latent* parameters (t_x, t_y, e0, e1, e2): to first order the centre moves by t and the axes stretch by E,
+all relative to the axes, so size and place do not matter, and circles, where an angle is undetermined, are
+nothing special. Steps are straight in the conic's coefficients, as are the valleys of the cost for short arcs.
+And f = |y| - 1 instead of x'Cx: the same to first order, and closer to the true distance far from the rim.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,13 +28,26 @@ from circlepose.conic import Ellipse, rim_distance
 from circlepose.errors import ArgumentError
 from circlepose.fitting.direct import fit_ellipse
 
+LATENT_CONICS = np.array(
+    [
+        [[0.0, 0.0, -1.0], [0.0, 0.0, 0.0], [-1.0, 0.0, 0.0]],
+        [[0.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, -1.0, 0.0]],
+        np.diag([-2.0, -2.0, 0.0]),
+        np.diag([-2.0, 2.0, 0.0]),
+        [[0.0, -2.0, 0.0], [-2.0, 0.0, 0.0], [0.0, 0.0, 0.0]],
+    ]
+)
+"""(5, 3, 3) what each latent parameter adds to the conic diag(1, 1, -1) of the unit circle."""
 _STEPS = 50
-_DONE = 1e-9
+_DONE = 1e-7
 """Latent step, a share of the axes, below which a fit has converged: far below what any noise leaves."""
-_LONGEST_STEP = 0.5
+_NEAREST_PARABOLA = 0.9
+"""Share of the way to a parabola that one step may go."""
 _FIRST_DAMPING = 1e-3
 _LAST_DAMPING = 1e8
 _ROUNDING = 1e-12
+_LONGEST = 1e3
+"""Semi-major axis, in extents of the points, from which the best ellipse is no better than a parabola."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,14 +63,14 @@ class GuaranteedFit:
     latent_covariance: FloatArray
     """(5, 5) of the latent parameters, for t and E along the ellipse's major and minor axis; unit 1"""
     converged: bool
-    """False where the steps ran out, as for points that no ellipse but a near-parabola fits"""
+    """False where no ellipse is best: the steps ran out, or went on towards a parabola"""
 
     @property
     def covariance(self) -> FloatArray:
         """(5, 5) of centre x, y, semi-major, semi-minor (plane unit) and angle (rad), to first order.
 
-        Where the axes agree within their errors the angle is undetermined: its variance is then large, or
-        infinite for a circle, and the latent covariance is the one to use.
+        Where the axes agree within their errors the angle is undetermined, its variance very large, and the
+        latent covariance is the one to use.
         """
         return covariance_of_axes(self.ellipse, self.latent_covariance)
 
@@ -71,7 +85,7 @@ def fit_guaranteed(
     weights
         (n,) from 0 to 1: how much each point counts, for robust fits.
     covariances
-        (n, 2, 2) of each point, symmetric and positive definite, up to a common factor. The same for all when left out.
+        (n, 2, 2) of each point, symmetric and positive definite, up to a common factor; else equal, isotropic ones.
 
     Returns
     -------
@@ -91,18 +105,17 @@ def fit_guaranteed(
     if covariances is not None and np.shape(covariances) != (len(p), 2, 2):
         raise ArgumentError(f"covariances: expected shape ({len(p)}, 2, 2), got {np.shape(covariances)}.")
     start = fit_ellipse(p, weights)
-    freedom = (len(p) if weights is None else float(np.sum(weights))) - 5.0
-    if start is None or start.semi_minor <= 0.0 or freedom <= 0.0:
+    if start is None or start.semi_minor <= 0.0 or (weights is not None and np.sum(weights) <= 5.0):
         return None
     ellipse, converged = refine_ellipse(start, p, covariances, weights)
-    residual, jacobian = _standardised(*_frame(ellipse), p, covariances, _roots(weights))
-    variance = float(residual @ residual) / freedom
+    noise, latent_covariance = uncertainty(ellipse, p, covariances, weights)
+    near_parabola = ellipse.semi_major > _LONGEST * np.max(np.ptp(p, axis=0))
     return GuaranteedFit(
         ellipse=ellipse,
         residuals=frozen(rim_distance(ellipse, p)),
-        noise=float(np.sqrt(variance)),
-        latent_covariance=frozen(variance * np.linalg.pinv(jacobian.T @ jacobian, hermitian=True)),
-        converged=converged,
+        noise=noise,
+        latent_covariance=frozen(latent_covariance),
+        converged=converged and not bool(near_parabola),
     )
 
 
@@ -127,27 +140,48 @@ def refine_ellipse(
         information = jacobian.T @ jacobian
         damped = information + damping * np.diag(np.diag(information))
         try:
-            step = -np.linalg.solve(damped, jacobian.T @ residual)
+            step = np.asarray(-np.linalg.solve(damped, jacobian.T @ residual), dtype=np.float64)
         except np.linalg.LinAlgError:
             damping = max(10.0 * damping, _FIRST_DAMPING)
             continue
-        longest = float(np.max(np.abs(step)))
-        step = step * min(1.0, _LONGEST_STEP / max(longest, _LONGEST_STEP))
-        trial_linear, trial_center = linear @ _stretch(step[2:]), center + linear @ step[:2]
+        trial_linear, trial_center = _moved(linear, center, step)
+        if float(np.max(np.abs(step))) < _DONE:
+            linear, center, converged = trial_linear, trial_center, True
+            break
         trial = _standardised(trial_linear, trial_center, points, covariances, root)
         trial_cost = float(trial[0] @ trial[0])
         if trial_cost <= cost * (1.0 + _ROUNDING):
             linear, center, cost, (residual, jacobian) = trial_linear, trial_center, trial_cost, trial
             damping = 0.1 * damping if damping > _ROUNDING else 0.0
-            if longest < _DONE:
-                converged = True
-                break
         else:
             damping = max(10.0 * damping, _FIRST_DAMPING)
             if damping > _LAST_DAMPING:
                 break
     axes, semi_axes, _ = np.linalg.svd(linear)
     return Ellipse.from_axes(center, semi_axes, np.arctan2(axes[1, 0], axes[0, 0])), converged
+
+
+def uncertainty(
+    ellipse: Ellipse,
+    points: FloatArray,
+    covariances: FloatArray | None = None,
+    weights: FloatArray | None = None,
+) -> tuple[float, FloatArray]:
+    """Return the noise, estimated from the residuals, and the covariance (5, 5) of the latent parameters.
+
+    Arguments as for `refine_ellipse`, of an ellipse refined by it, with weights that add up to more than 5; the
+    noise as in `GuaranteedFit`. To first order: too small where a short arc leaves the axes uncertain by more than
+    some 5 %.
+    """
+    residual, jacobian = _standardised(*_frame(ellipse), points, covariances, _roots(weights))
+    number = len(points) if weights is None else float(np.sum(weights))
+    variance = float(residual @ residual) / (number - 5.0)
+    # Through QR, which keeps more digits than J'J.
+    triangle = np.linalg.qr(jacobian, mode="r")
+    if np.any(np.diag(triangle) == 0.0):
+        return float(np.sqrt(variance)), np.full((5, 5), np.inf)
+    inverse = np.linalg.inv(triangle)
+    return float(np.sqrt(variance)), np.asarray(variance * inverse @ inverse.T)
 
 
 def covariance_of_axes(ellipse: Ellipse, latent_covariance: FloatArray) -> FloatArray:
@@ -171,12 +205,21 @@ def _roots(weights: FloatArray | None) -> FloatArray | None:
     return None if weights is None else np.sqrt(weights)
 
 
-def _stretch(e: FloatArray) -> FloatArray:
-    """Return exp(E) (2, 2) of E = [[e0 + e1, e2], [e2, e0 - e1]]."""
-    size = float(np.hypot(e[1], e[2]))
-    ratio = np.sinh(size) / size if size > 0.0 else 1.0
-    cosh, along, across = np.cosh(size), ratio * e[1], ratio * e[2]
-    return np.asarray(np.exp(e[0]) * np.array([[cosh + along, across], [across, cosh - along]]))
+def _moved(linear: FloatArray, center: FloatArray, step: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the ellipse (its `linear` part and `center`) that is the latent `step` (5,) away.
+
+    A step that would end outside the ellipses, which a parabola bounds, is cut short of them.
+    """
+    t0, t1, e0, e1, e2 = map(float, step)
+    shrink = min(1.0, _NEAREST_PARABOLA / max(2.0 * (e0 + math.hypot(e1, e2)), _NEAREST_PARABOLA))
+    t0, t1, e0, e1, e2 = (shrink * value for value in (t0, t1, e0, e1, e2))
+    # Cholesky factor of I - 2E, by hand: this runs for each step of each rim.
+    l00 = math.sqrt(1.0 - 2.0 * (e0 + e1))
+    l10 = -2.0 * e2 / l00
+    l11 = math.sqrt(1.0 - 2.0 * (e0 - e1) - l10 * l10)
+    root = np.array([[1.0 / l00, -l10 / (l00 * l11)], [0.0, 1.0 / l11]])
+    half = np.array([t0 / l00, (t1 - l10 * t0 / l00) / l11])
+    return linear @ root * math.sqrt(1.0 + float(half @ half)), center + linear @ (root @ half)
 
 
 def _standardised(
@@ -186,10 +229,10 @@ def _standardised(
     covariances: FloatArray | None,
     root_weights: FloatArray | None,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the weighted distances (n,) in standard errors to the ellipse `linear` u + `center`, |u| = 1, and
-    their exact derivatives (n, 5) by the latent parameters.
+    """Return the weighted distances (n,) in standard errors and their derivatives (n, 5) by the latent parameters.
 
-    With y = rho (c, s), f = rho - 1, g = linear^-T (c, s), h = linear^-T (-s, c), A = g'Sg and B = h'Sg:
+    The ellipse is `linear` u + `center`, |u| = 1. With y = rho (c, s), f = rho - 1, g = linear^-T (c, s),
+    h = linear^-T (-s, c), A = g'Sg and B = h'Sg:
 
         r = f/sqrt(A),    dr = (-(c, s).t - p + (f B/A) ((-s, c).t/rho + 2 q))/sqrt(A),
 

@@ -8,20 +8,44 @@ through the local derivative of pixel -> ray.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
-from circlepose._typing import FloatArray
+from circlepose._typing import BoolArray, FloatArray
 from circlepose.camera import Camera
 from circlepose.cone import SIGNATURE, plane_basis
 from circlepose.conic import Ellipse
-from circlepose.fitting.direct import fit_ellipse
+from circlepose.fitting.direct import MINIMUM_POINTS, fit_ellipse
 from circlepose.fitting.guaranteed import refine_ellipse
 
 _STEPS = 12
 """The direct fit is a good start: two or three steps do for a whole rim."""
 _FORWARD = 0.2
 """z of a unit ray from which the plane z = 1 serves: within 78 deg of the axis."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SeenPoints:
+    """Image points with their rays, which under a distorting lens cost more than a fit."""
+
+    pixels: FloatArray
+    """(n, 2) raw image"""
+    rays: FloatArray
+    """(n, 3) unit length"""
+    jacobians: FloatArray
+    """(n, 3, 2) d ray / d pixel"""
+
+    @classmethod
+    def of(cls, camera: Camera, pixels: FloatArray) -> Self:
+        """Look up the rays of `pixels` (n, 2)."""
+        return cls(pixels, *camera.rays_with_jacobian(pixels))
+
+    def __getitem__(self, which: BoolArray) -> Self:
+        return type(self)(self.pixels[which], self.rays[which], self.jacobians[which])
+
+    def __len__(self) -> int:
+        return len(self.pixels)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,8 +68,13 @@ def fit_cone(camera: Camera, pixels: FloatArray, weights: FloatArray | None = No
 
     None when no ellipse fits: fewer than 6 points, on a line, or outside the lens model's valid field.
     """
-    rays, jacobians = camera.rays_with_jacobian(pixels)
-    if not np.all(np.isfinite(rays)):
+    return fit_cone_to(SeenPoints.of(camera, pixels), weights)
+
+
+def fit_cone_to(seen: SeenPoints, weights: FloatArray | None = None) -> ConeFit | None:
+    """As `fit_cone`, for points whose rays are known already."""
+    rays, jacobians = seen.rays, seen.jacobians
+    if len(rays) < MINIMUM_POINTS or not np.all(np.isfinite(rays)):
         return None
     axis = rays.sum(axis=0)
     axis = axis / np.linalg.norm(axis)
@@ -115,4 +144,4 @@ def _pixel_covariances(rays: FloatArray, jacobians: FloatArray) -> FloatArray:
     """
     plane = rays[:, :2] / rays[:, 2:]
     to_plane = (jacobians[:, :2, :] - plane[:, :, None] * jacobians[:, 2:, :]) / rays[:, 2, None, None]
-    return to_plane @ np.swapaxes(to_plane, -1, -2)
+    return np.einsum("nij,nkj->nik", to_plane, to_plane)

@@ -10,6 +10,7 @@ from circlepose._typing import FloatArray
 from circlepose.cone import PrincipalFrame, cone_kinds, principal_frame
 from circlepose.errors import ArgumentError
 from circlepose.solvers import METHODS, chen_huang, kabuka_arenas, kanatani_liu
+from circlepose.solvers.chords import chords_from_contour
 
 _SAME_POSE_RAD = 1e-7
 
@@ -24,6 +25,8 @@ class Solutions:
     """(k, 3) unit vectors towards the camera"""
     cone: str
     """value of `ConeKind`"""
+    mended: bool = False
+    """whether the contour route left out an outlier at one of its four points"""
 
 
 def solve(method: str, factor: FloatArray, contour_rays: FloatArray, radius: float) -> Solutions | str:
@@ -38,16 +41,16 @@ def solve(method: str, factor: FloatArray, contour_rays: FloatArray, radius: flo
     radius
         Of the circle; the centres come out in its unit.
     """
-    frame = principal_frame(factor)
+    frame, mended = principal_frame(factor), False
     poses: tuple[FloatArray, FloatArray] | None
     match method:
         case "chen-huang":
             poses = chen_huang.poses_from_frame(frame, radius)
         case "chen-huang-contour":
-            chords = chen_huang.chords_from_contour(contour_rays)
-            if chords is None:
-                return "the contour does not cross the plane that bisects its largest apex angle"
-            frame = chords.frame
+            chords = chords_from_contour(contour_rays)
+            if isinstance(chords, str):
+                return chords
+            frame, mended = chords.frame, chords.mended
             poses = chen_huang.poses_from_frame(frame, radius)
         case "kanatani-liu":
             poses = kanatani_liu.poses_from_factor(factor, radius)
@@ -57,11 +60,11 @@ def solve(method: str, factor: FloatArray, contour_rays: FloatArray, radius: flo
             raise ArgumentError(f"method: expected one of {', '.join(METHODS)}, got {method!r}.")
     if poses is None:
         return "the circle is seen edge-on; the method needs an ellipse"
-    return _distinct(*poses, frame)
+    return _distinct(*poses, frame, mended)
 
 
-def _distinct(centers: FloatArray, normals: FloatArray, frame: PrincipalFrame) -> Solutions:
+def _distinct(centers: FloatArray, normals: FloatArray, frame: PrincipalFrame, mended: bool) -> Solutions:
     """Say a pose once when both candidates are the same, as for a right cone."""
     same = np.linalg.norm(normals[0] - normals[1]) < _SAME_POSE_RAD
     keep = slice(0, 1) if same else slice(0, 2)
-    return Solutions(centers[keep], normals[keep], str(cone_kinds(frame)))
+    return Solutions(centers[keep], normals[keep], str(cone_kinds(frame)), mended)

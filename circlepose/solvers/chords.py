@@ -1,0 +1,226 @@
+"""A contour -> the two chords of Chen & Huang (1999), section II: four points of it, nothing else.
+
+p and q are the pair of contour rays with the largest angle (LAA), found among all pairs of the hull's points;
+b and c are where the contour crosses the plane that bisects that angle, at a right angle to the plane of p and
+q. What lies elsewhere on the contour has no say: an outlier there does no harm.
+
+The extreme of many noisy points is biased outwards, and a contour of pixels knows its points to half a pixel.
+So each of the four is read off a parabola through the contour near it. And where one of the four lies on the
+outlier itself, the pose is wrong, however good the rest: the pose that the four give is held against the whole
+contour, which then must lie on its rim by more than half.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from circlepose._typing import BoolArray, FloatArray, IntArray
+from circlepose.cone import PrincipalFrame, plane_basis
+
+_WINDOW_SHARE = 0.06
+"""Share of the contour, on either side of a point, through which its parabola is laid."""
+_WINDOW_LEAST = 2
+_GAP = 6.0
+"""Gaps in the contour this many times the usual spacing are hidden arcs, not sampling."""
+_ROUNDS = 3
+_SUPPORT = 0.55
+_NEAR_SHARE = 0.02
+"""A contour point supports the four within this share of their rim's semi-minor axis, or within so much noise."""
+_NEAR_NOISE = 4.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Chords:
+    """The paper's feature points as unit rays, and the frame that they span."""
+
+    p: FloatArray
+    """(3,) with `q`: the pair of contour rays with the largest angle"""
+    q: FloatArray
+    """(3,)"""
+    b: FloatArray
+    """(3,) with `c`: where the contour crosses the plane that bisects the LAA at a right angle"""
+    c: FloatArray
+    """(3,)"""
+    frame: PrincipalFrame
+    support: float
+    """share of the contour that lies on the rim which the four points give"""
+    mended: bool = False
+    """whether points off that rim were left out and the chords found again"""
+
+
+def chords_from_contour(rays: FloatArray, sub_pixel: bool = True) -> Chords | str:
+    """Find the two chords on a closed contour of unit `rays` (n, 3), in order along the contour.
+
+    Without `sub_pixel` the four are contour points (p, q) and linear crossings (b, c), as printed in the paper.
+    Returns a reason instead where there are none: fewer than 3 rays, all equal, or a hidden arc at one of them.
+    """
+    if len(rays) < 3:
+        return "the contour has fewer than 3 points"
+    if float(np.ptp(rays, axis=0).max()) == 0.0:
+        return "all points of the contour are the same"
+    chords = _find(rays, sub_pixel)
+    if isinstance(chords, str) or chords.support >= _SUPPORT:
+        return chords
+    return _mended(rays, sub_pixel) or chords
+
+
+def _mended(rays: FloatArray, sub_pixel: bool) -> Chords | None:
+    """Leave out, one end of a chord at a time, the stretch around it, until most of the contour agrees."""
+    best: Chords | None = None
+    first = _find(rays, sub_pixel)
+    if isinstance(first, str):
+        return None
+    for point in (first.p, first.q, first.b, first.c):
+        for share in (0.06, 0.12, 0.2):
+            kept = _without(rays, point, share)
+            chords = _find(kept, sub_pixel)
+            if isinstance(chords, str):
+                continue
+            agreeing = replace(chords, support=float(np.mean(_near_rim(rays, chords.frame))), mended=True)
+            if best is None or agreeing.support > best.support:
+                best = agreeing
+    return best if best is not None and best.support >= _SUPPORT else None
+
+
+def _without(rays: FloatArray, point: FloatArray, share: float) -> FloatArray:
+    """Return the contour without the `share` of it around `point`."""
+    middle = int(np.argmax(rays @ point))
+    half = max(1, round(share * len(rays) / 2.0))
+    index = np.arange(len(rays))
+    away = np.minimum((index - middle) % len(rays), (middle - index) % len(rays))
+    return rays[away > half]
+
+
+def _find(rays: FloatArray, sub_pixel: bool) -> Chords | str:
+    first, second = _widest_pair(rays)
+    p, q = rays[first], rays[second]
+    if float(np.linalg.norm(np.cross(p, q))) == 0.0:
+        return "all points of the contour are the same"
+    turn = _frame(p, q)
+    if sub_pixel:
+        for _ in range(_ROUNDS):
+            local = _plane(rays, turn)
+            x_p, x_q = _extreme(local, 1.0), _extreme(local, -1.0)
+            p, q = _ray(turn, x_p, 0.0), _ray(turn, x_q, 0.0)
+            turn = _frame(p, q)
+    local = _plane(rays, turn)
+    ends = [_crossing(local, sign, sub_pixel) for sign in (1.0, -1.0)]
+    if ends[0] is None or ends[1] is None:
+        return "the contour does not cross the plane that bisects its largest apex angle, or is hidden there"
+    b, c = _ray(turn, 0.0, ends[0]), _ray(turn, 0.0, ends[1])
+    s = float(np.tan(_angle_between(p, q) / 2.0))
+    t = float(np.tan(_angle_between(b, c) / 2.0))
+    # The chords bisect each other's angle; the print has v_b' = v_c', which noise leaves to their mean.
+    frame = PrincipalFrame(turn.T, np.asarray(s), np.asarray(min(t, s)))
+    return Chords(p, q, b, c, frame, float(np.mean(_near_rim(rays, frame))))
+
+
+def _frame(p: FloatArray, q: FloatArray) -> FloatArray:
+    """Return the rows u, v, w: w along the bisector, v normal to the plane of p and q, p on the side of u."""
+    w = p + q
+    w = w / np.linalg.norm(w)
+    v = np.cross(w, p)
+    v = v / np.linalg.norm(v)
+    return np.stack([np.cross(v, w), v, w])
+
+
+def _plane(rays: FloatArray, turn: FloatArray) -> FloatArray:
+    local = rays @ turn.T
+    return np.asarray(local[:, :2] / local[:, 2:])
+
+
+def _ray(turn: FloatArray, x: float, y: float) -> FloatArray:
+    ray = turn.T @ np.array([x, y, 1.0])
+    return np.asarray(ray / np.linalg.norm(ray))
+
+
+def _extreme(local: FloatArray, side: float) -> float:
+    """Return x of the contour's vertex on the side x > 0 or x < 0, from a parabola x(y) around it."""
+    x, y = side * local[:, 0], local[:, 1]
+    near = _neighbours(int(np.argmax(x)), len(local))
+    x, y = x[near], y[near]
+    spread = float(np.abs(y - y.mean()).max())
+    if len(near) < 4 or spread == 0.0:
+        return side * float(x.max())
+    a, b, c = np.polyfit((y - y.mean()) / spread, x, 2)
+    vertex = -b / (2.0 * a) if a < 0.0 else 0.0
+    # A vertex outside the window is no vertex of this contour.
+    vertex = min(1.0, max(-1.0, vertex))
+    return side * float((a * vertex + b) * vertex + c)
+
+
+def _crossing(local: FloatArray, side: float, sub_pixel: bool) -> float | None:
+    """Return y where the contour crosses x = 0 on the side y > 0 or y < 0; None where it is hidden or absent."""
+    x, y = local[:, 0], local[:, 1]
+    following = np.roll(local, -1, axis=0)
+    crosses = np.flatnonzero((x >= 0.0) != (following[:, 0] >= 0.0))
+    if len(crosses) == 0:
+        return None
+    share = x[crosses] / (x[crosses] - following[crosses, 0])
+    heights = y[crosses] + share * (following[crosses, 1] - y[crosses])
+    # Of several crossings on a side (a ragged contour) the outermost is the rim's.
+    best = int(np.argmax(side * heights))
+    spacing = np.linalg.norm(following - local, axis=1)
+    if spacing[crosses[best]] > _GAP * max(float(np.median(spacing)), 1e-12):
+        return None
+    if not sub_pixel:
+        return float(heights[best])
+    near = _neighbours(int(crosses[best]), len(local))
+    width = float(np.abs(x[near]).max())
+    if len(near) < 4 or width == 0.0:
+        return float(heights[best])
+    return float(np.polyfit(x[near] / width, y[near], 2)[2])
+
+
+def _neighbours(index: int, number: int) -> IntArray:
+    half = max(_WINDOW_LEAST, round(_WINDOW_SHARE * number / 2.0))
+    return np.unique((index + np.arange(-half, half + 1)) % number)
+
+
+def _near_rim(rays: FloatArray, frame: PrincipalFrame) -> BoolArray:
+    """Tell which rays (n,) lie on the rim (x/s)^2 + (y/t)^2 = z^2 of the frame."""
+    local = _plane(rays, frame.rotation.T)
+    s, t = float(frame.tan_half_major), max(float(frame.tan_half_minor), 1e-12)
+    x, y = local[:, 0] / s, local[:, 1] / t
+    radius = np.maximum(np.hypot(x, y), 1e-12)
+    distance = (radius - 1.0) * radius / np.maximum(np.hypot(x / s, y / t), 1e-12)
+    second = distance - (np.roll(distance, 1) + np.roll(distance, -1)) / 2.0
+    noise = 1.4826 * float(np.median(np.abs(second))) / np.sqrt(1.5)
+    return np.asarray(np.abs(distance) <= max(_NEAR_SHARE * t, _NEAR_NOISE * noise))
+
+
+def _widest_pair(rays: FloatArray) -> tuple[int, int]:
+    """Return the indices of the two `rays` (n, 3) with the largest angle, by all pairs of the hull's points."""
+    axis = rays.sum(axis=0)
+    axis = axis / np.linalg.norm(axis)
+    e1, e2 = plane_basis(axis)
+    plane = np.stack([rays @ e1, rays @ e2], axis=-1) / (rays @ axis)[:, None]
+    hull = _convex_hull(plane)
+    # 1 - cos loses half the digits of a small angle; the chord's length does not.
+    chord = np.linalg.norm(rays[hull][:, None, :] - rays[hull][None, :, :], axis=-1)
+    i, j = np.unravel_index(int(np.argmax(chord)), chord.shape)
+    return int(hull[i]), int(hull[j])
+
+
+def _convex_hull(points: FloatArray) -> IntArray:
+    """Return the indices of the convex hull of `points` (n, 2) (monotone chain)."""
+    order = np.lexsort((points[:, 1], points[:, 0]))
+
+    def chain(indices: IntArray) -> list[int]:
+        hull: list[int] = []
+        for i in indices:
+            while len(hull) >= 2:
+                a, b = points[hull[-1]] - points[hull[-2]], points[i] - points[hull[-2]]
+                if a[0] * b[1] - a[1] * b[0] > 0.0:
+                    break
+                hull.pop()
+            hull.append(int(i))
+        return hull[:-1]
+
+    return np.array([*chain(order), *chain(order[::-1])], dtype=np.int64)
+
+
+def _angle_between(first: FloatArray, second: FloatArray) -> float:
+    return float(2.0 * np.arctan2(np.linalg.norm(first - second), np.linalg.norm(first + second)))
