@@ -33,6 +33,8 @@ _RAGGED_SHARE = 0.004
 """Largest rms distance from the ellipse: pixel noise, and what lens distortion bends within a large one."""
 _CLEAN_RIM = 0.8
 """Share of the rim wanted where the edge is half as ragged as it may be, or more."""
+_CLEAN_THIN = 0.95
+"""Share of the rim wanted of a thin ellipse, which any two neighbouring edges resemble."""
 _LEAST_KIN = 0.2
 """Edges weaker than this share of the typical one of the image's circles are none of the kind."""
 _LEAST_AXES_PX = (6.0, 3.0)
@@ -137,7 +139,7 @@ def _verify(
     perimeter = np.pi * (ellipse.semi_major + ellipse.semi_minor)
     evidence = share * perimeter * step / (1.0 + (rms / 0.5) ** 2)
     # Where slivers are looked for, they have a way of their own.
-    thin = are_thin(ellipse) & (intervals.major_px is not None)
+    thin = are_thin(ellipse) & ((intervals.major_px is not None) | (share < _CLEAN_THIN) | (ragged > 0.5))
     kept: list[int] = []
     for i in np.argsort(-evidence, kind="stable"):
         reason = None

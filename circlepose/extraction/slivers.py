@@ -61,7 +61,7 @@ def _fit_whole(levels: Image, fragment: Ellipse, intervals: AxisIntervals) -> Th
             intervals.major_px[0] / _LENGTH_SLACK <= longest <= intervals.major_px[1] * _LENGTH_SLACK
         ):
             return Rejection.MAJOR_AXIS
-        fitted = fit_thin_ellipse(levels, line)
+        fitted = fit_thin_ellipse(levels, line, grow=True)
         if fitted is None:
             return Rejection.NOT_ELLIPTICAL
         start = fitted.ellipse

@@ -27,8 +27,11 @@ _SIGMA_PRIOR_PX = 0.3
 _SIGMA_PX = (0.35, 4.0)
 _MARGIN_PX = 4.0
 _FADE = 0.15
-_ROUNDS = ((10, 1.4), (10, 1.4), (10, 1.4), (12, 1.0), (6, 1.0))
-"""Steps of each round, and how far beyond the tips it looks: the start may be a fragment of the sliver."""
+_GROWING_ROUNDS = ((10, 1.4), (10, 1.4), (10, 1.4))
+_ROUNDS = ((12, 1.0), (6, 1.0))
+"""Steps of each round, and how far it looks along the axes, in their lengths."""
+_DEEP_PX = 4.0
+"""Pixels farther inside than this see no edge."""
 _MOST_PIXELS = 14000
 _GROWTH = 3.0
 """Longest semi-major axis, in units of the start's, before the fit has lost its object."""
@@ -68,13 +71,16 @@ class ThinEllipse:
         return self.rms_levels * self.sigma_px * float(np.sqrt(2.0 * np.pi)) / abs(self.contrast)
 
 
-def fit_thin_ellipse(grey: Image, start: Ellipse) -> ThinEllipse | None:
-    """Fit the blurred ellipse to the levels of `grey` (h, w) around `start`; None when it does not converge there."""
+def fit_thin_ellipse(grey: Image, start: Ellipse, *, grow: bool = False) -> ThinEllipse | None:
+    """Fit the blurred ellipse to the levels of `grey` (h, w) around `start`; None when it does not converge there.
+
+    With `grow` the start may be a fragment, and the first rounds look beyond its tips.
+    """
     center = np.asarray(start.center, dtype=np.float64)
     theta = np.array([*center, float(start.semi_major), max(float(start.semi_minor), 0.3), float(start.angle)])
     theta = np.append(theta, _START_SIGMA_PX)
     # Which pixels count is settled before each round, so that no step can gain by dropping some.
-    for steps, stretch in _ROUNDS:
+    for steps, stretch in (*_GROWING_ROUNDS, *_ROUNDS) if grow else _ROUNDS:
         pixels = _pixels(grey, theta, stretch)
         if pixels is None:
             return None
@@ -164,6 +170,9 @@ def _pixels(grey: Image, theta: FloatArray, stretch: float) -> tuple[FloatArray,
     u, v = x - theta[0], y - theta[1]
     radius = np.hypot((cos * u + sin * v) / (a + _MARGIN_PX), (cos * v - sin * u) / (b + _MARGIN_PX))
     near = radius < 1.0
+    if b > _DEEP_PX + 1.0:
+        deep = np.hypot((cos * u + sin * v) / (a - _DEEP_PX), (cos * v - sin * u) / (b - _DEEP_PX)) < 1.0
+        near &= ~deep
     if not 12 <= int(np.count_nonzero(near)) <= _MOST_PIXELS:
         return None
     points = np.stack([x[near], y[near]], axis=-1).astype(np.float64)
