@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from circlepose.camera import Camera as Camera
     from circlepose.cone import ConeKind as ConeKind
     from circlepose.conic import Ellipse as Ellipse
+    from circlepose.contour_pose import estimate_from_contour as estimate_from_contour
     from circlepose.errors import CircleposeError as CircleposeError
     from circlepose.files.camera_file import read_camera as read_camera
     from circlepose.files.target_file import read_target as read_target
@@ -48,6 +49,7 @@ _HOME = {
     "Status": "pose",
     "Target": "target",
     "estimate": "pipeline",
+    "estimate_from_contour": "contour_pose",
     "read_camera": "files.camera_file",
     "read_target": "files.target_file",
 }

@@ -73,7 +73,7 @@ def fit_rim(levels: Image, camera: Camera, contour: Contour, *, refine: bool = T
     if fit is None:
         return None
     if not refine:
-        return _rim(camera, fit, contour.points, contour.rim_used, contour.polarity)
+        return rim_from_fit(camera, fit, contour.points, contour.rim_used, contour.polarity)
     factor = fit.factor
     for last in (False, True):
         placed = _place_edges(levels, camera, factor, contour.ellipse)
@@ -96,7 +96,7 @@ def fit_rim(levels: Image, camera: Camera, contour: Contour, *, refine: bool = T
         if last:
             break
         factor = cone.factor
-    return _rim(camera, cone, used.pixels, len(used) / places, contour.polarity)
+    return rim_from_fit(camera, cone, used.pixels, len(used) / places, contour.polarity)
 
 
 def _place_edges(
@@ -149,7 +149,10 @@ def _without_outliers(edges: SeenPoints) -> tuple[ConeFit, SeenPoints] | None:
     return None if fit is None else (fit, edges)
 
 
-def _rim(camera: Camera, fit: ConeFit, points: FloatArray, rim_used: float, polarity: int) -> Rim | None:
+def rim_from_fit(
+    camera: Camera, fit: ConeFit, points: FloatArray, rim_used: float = 1.0, polarity: int = 1
+) -> Rim | None:
+    """Return the rim of a cone fitted to `points` (n, 2), with its ellipse in the raw image; None where unseen."""
     ellipse = fit_ellipse(rim_pixels(camera, fit.factor, 90))
     return None if ellipse is None else Rim(fit, points, ellipse, rim_used, polarity)
 

@@ -7,7 +7,7 @@ import os
 import typer
 
 from circlepose_cli import debugging, options
-from circlepose_cli.options import LayoutChoice, MethodChoice, TargetOverrides
+from circlepose_cli.options import ExtractionChoice, LayoutChoice, MethodChoice, TargetOverrides
 
 
 def estimate(
@@ -23,6 +23,7 @@ def estimate(
     minor_px: options.MinorPx = None,
     method: options.Method = MethodChoice.CHEN_HUANG,
     refine: options.Refine = True,
+    extraction: options.Extraction = ExtractionChoice.EDGES,
     scale_calib: options.ScaleCalib = False,
     recursive: options.Recursive = False,
     output_format: options.Format = None,
@@ -67,6 +68,7 @@ def estimate(
                 overrides=overrides,
                 method=method,
                 refine=refine,
+                extraction=extraction,
                 scale_calibration=scale_calib,
                 output_format=output_format,
                 layout=layout,

@@ -16,6 +16,13 @@ import typer
 from circlepose.errors import UsageError
 
 
+class ExtractionChoice(StrEnum):
+    """Extractions by name; `circlepose.extraction.EXTRACTIONS`."""
+
+    EDGES = "edges"
+    COINCIDENCE = "coincidence"
+
+
 class MethodChoice(StrEnum):
     """Methods by name; `circlepose.solvers.METHODS` and `all`."""
 
@@ -152,6 +159,10 @@ MinorPx = Annotated[
 ]
 Method = Annotated[
     MethodChoice, typer.Option("--method", help="How the candidate poses are computed; all compares them.")
+]
+Extraction = Annotated[
+    ExtractionChoice,
+    typer.Option("--extraction", help="Where contours start from: connected edges, or region borders on edges."),
 ]
 Refine = Annotated[
     bool,

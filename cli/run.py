@@ -15,7 +15,7 @@ from circlepose.files.atomic import atomic_writer
 from circlepose.files.inputs import STDIN, InputImage, expand_inputs
 from circlepose_cli.interruption import EXIT_CODE as INTERRUPTED
 from circlepose_cli.interruption import Interruption
-from circlepose_cli.options import FormatChoice, LayoutChoice, MethodChoice, TargetOverrides
+from circlepose_cli.options import ExtractionChoice, FormatChoice, LayoutChoice, MethodChoice, TargetOverrides
 from circlepose_cli.output import choose_format, write_output
 from circlepose_cli.overlay_names import OverlayNames
 from circlepose_cli.progress import Reporter, follow
@@ -37,6 +37,7 @@ class Request:
     overrides: TargetOverrides
     method: MethodChoice
     refine: bool
+    extraction: ExtractionChoice
     scale_calibration: bool
     output_format: FormatChoice | None
     layout: LayoutChoice
@@ -61,7 +62,9 @@ def run(request: Request) -> int:
     images, total = _images(request, setups)
     overlays = None if request.overlay is None else OverlayNames(request.overlay, images if total else ())
     items = _work_items(images, setups, overlays)
-    options = MeasureOptions(request.method.value, request.refine, request.scale_calibration)
+    options = MeasureOptions(
+        request.method.value, request.refine, request.scale_calibration, request.extraction.value
+    )
     to_terminal = request.output is None and sys.stdout.isatty()
     output_format = choose_format(request.output_format, request.output, to_terminal=to_terminal)
     # Rows that go to the terminal one by one would tear a bar.

@@ -83,9 +83,9 @@ def test_the_contour_route_is_exact_up_to_its_sampling(case):
     centers, normals = chen_huang.poses_from_frame(chords.frame, case.radius)
     exact = chen_huang_poses(case)
     position, angle = nearest_candidate(*exact, centers[0], normals[0])
-    # A half-degree pitch misses the widest pair by up to 1 - cos(0.25 deg), about 1e-5; tilts by its root.
-    assert position <= 2e-3
-    assert angle <= 2e-2
+    # The parabolas leave about 1e-4 of the chords' lengths, and tilts near frontal take the root of that.
+    assert position <= 5e-3
+    assert angle <= 3e-2
 
 
 def test_the_misprinted_formulas_of_the_paper():

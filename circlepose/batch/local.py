@@ -55,6 +55,7 @@ class MeasureOptions:
     method: str = "chen-huang"
     refine: bool = True
     scale_calibration: bool = False
+    extraction: str = "edges"
 
 
 def measure_file(item: WorkItem, options: MeasureOptions) -> ImageResult:
@@ -86,6 +87,7 @@ def _measure_file(item: WorkItem, options: MeasureOptions) -> ImageResult:
         item.target,
         method=options.method,
         refine=options.refine,
+        extraction=options.extraction,
         scale_calibration=options.scale_calibration,
         name=item.name,
     )

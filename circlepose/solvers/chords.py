@@ -6,8 +6,9 @@ q. What lies elsewhere on the contour has no say: an outlier there does no harm.
 
 The extreme of many noisy points is biased outwards, and a contour of pixels knows its points to half a pixel.
 So each of the four is read off a parabola through the contour near it. And where one of the four lies on the
-outlier itself, the pose is wrong, however good the rest: the pose that the four give is held against the whole
-contour, which then must lie on its rim by more than half.
+outlier itself, the pose is wrong, however good the rest: the rim that the four give is held against the whole
+contour. If less than half of it lies there, the outlier is moved onto the ellipse that most of the contour agrees
+on and the four are found again.
 """
 
 from __future__ import annotations
@@ -18,16 +19,20 @@ import numpy as np
 
 from circlepose._typing import BoolArray, FloatArray, IntArray
 from circlepose.cone import PrincipalFrame, plane_basis
+from circlepose.fitting.consensus import local_scatter, on_one_ellipse
+from circlepose.fitting.direct import fit_ellipse
 
-_WINDOW_SHARE = 0.06
+_WINDOW_SHARE = 0.1
 """Share of the contour, on either side of a point, through which its parabola is laid."""
 _WINDOW_LEAST = 2
 _GAP = 6.0
 """Gaps in the contour this many times the usual spacing are hidden arcs, not sampling."""
 _ROUNDS = 3
 _SUPPORT = 0.55
+_LEAST_SUPPORT = 0.45
 _NEAR_SHARE = 0.02
-"""A contour point supports the four within this share of their rim's semi-minor axis, or within so much noise."""
+_NEAR_LENGTH = 0.003
+"""A contour point supports the four within this share of their rim's semi-minor or -major axis, or so much noise."""
 _NEAR_NOISE = 4.0
 
 
@@ -47,7 +52,7 @@ class Chords:
     support: float
     """share of the contour that lies on the rim which the four points give"""
     mended: bool = False
-    """whether points off that rim were left out and the chords found again"""
+    """whether points off the ellipse that most of the contour agrees on were moved onto it first"""
 
 
 def chords_from_contour(rays: FloatArray, sub_pixel: bool = True) -> Chords | str:
@@ -63,34 +68,29 @@ def chords_from_contour(rays: FloatArray, sub_pixel: bool = True) -> Chords | st
     chords = _find(rays, sub_pixel)
     if isinstance(chords, str) or chords.support >= _SUPPORT:
         return chords
-    return _mended(rays, sub_pixel) or chords
+    mended = _find(_without_outliers(rays), sub_pixel)
+    if isinstance(mended, str) or float(np.mean(_near_rim(rays, mended.frame))) < _LEAST_SUPPORT:
+        return "one of the chords' four points lies on an outlier, and too little of the contour agrees to mend it"
+    return replace(mended, support=float(np.mean(_near_rim(rays, mended.frame))), mended=True)
 
 
-def _mended(rays: FloatArray, sub_pixel: bool) -> Chords | None:
-    """Leave out, one end of a chord at a time, the stretch around it, until most of the contour agrees."""
-    best: Chords | None = None
-    first = _find(rays, sub_pixel)
-    if isinstance(first, str):
-        return None
-    for point in (first.p, first.q, first.b, first.c):
-        for share in (0.06, 0.12, 0.2):
-            kept = _without(rays, point, share)
-            chords = _find(kept, sub_pixel)
-            if isinstance(chords, str):
-                continue
-            agreeing = replace(chords, support=float(np.mean(_near_rim(rays, chords.frame))), mended=True)
-            if best is None or agreeing.support > best.support:
-                best = agreeing
-    return best if best is not None and best.support >= _SUPPORT else None
-
-
-def _without(rays: FloatArray, point: FloatArray, share: float) -> FloatArray:
-    """Return the contour without the `share` of it around `point`."""
-    middle = int(np.argmax(rays @ point))
-    half = max(1, round(share * len(rays) / 2.0))
-    index = np.arange(len(rays))
-    away = np.minimum((index - middle) % len(rays), (middle - index) % len(rays))
-    return rays[away > half]
+def _without_outliers(rays: FloatArray) -> FloatArray:
+    """Move the points that are off the ellipse on which most of the contour agrees onto it, along their radius."""
+    axis = rays.sum(axis=0)
+    axis = axis / np.linalg.norm(axis)
+    turn = np.stack([*plane_basis(axis), axis])
+    plane = _plane(rays, turn)
+    agreeing = on_one_ellipse(plane, local_scatter(plane))
+    ellipse = fit_ellipse(plane[agreeing])
+    if ellipse is None:
+        return rays
+    cos, sin = np.cos(ellipse.angle), np.sin(ellipse.angle)
+    offset = plane - ellipse.center
+    along, across = offset @ np.array([cos, sin]), offset @ np.array([-sin, cos])
+    radius = np.maximum(np.hypot(along / ellipse.semi_major, across / ellipse.semi_minor), 1e-12)
+    filled = np.where(agreeing[:, None], plane, ellipse.center + offset / radius[:, None])
+    moved = np.concatenate([filled, np.ones((len(filled), 1))], axis=1) @ turn
+    return np.asarray(moved / np.linalg.norm(moved, axis=1, keepdims=True))
 
 
 def _find(rays: FloatArray, sub_pixel: bool) -> Chords | str:
@@ -102,8 +102,7 @@ def _find(rays: FloatArray, sub_pixel: bool) -> Chords | str:
     if sub_pixel:
         for _ in range(_ROUNDS):
             local = _plane(rays, turn)
-            x_p, x_q = _extreme(local, 1.0), _extreme(local, -1.0)
-            p, q = _ray(turn, x_p, 0.0), _ray(turn, x_q, 0.0)
+            p, q = _ray(turn, *_vertex(local, 1.0)), _ray(turn, *_vertex(local, -1.0))
             turn = _frame(p, q)
     local = _plane(rays, turn)
     ends = [_crossing(local, sign, sub_pixel) for sign in (1.0, -1.0)]
@@ -136,19 +135,23 @@ def _ray(turn: FloatArray, x: float, y: float) -> FloatArray:
     return np.asarray(ray / np.linalg.norm(ray))
 
 
-def _extreme(local: FloatArray, side: float) -> float:
-    """Return x of the contour's vertex on the side x > 0 or x < 0, from a parabola x(y) around it."""
-    x, y = side * local[:, 0], local[:, 1]
-    near = _neighbours(int(np.argmax(x)), len(local))
-    x, y = x[near], y[near]
-    spread = float(np.abs(y - y.mean()).max())
-    if len(near) < 4 or spread == 0.0:
-        return side * float(x.max())
-    a, b, c = np.polyfit((y - y.mean()) / spread, x, 2)
-    vertex = -b / (2.0 * a) if a < 0.0 else 0.0
+def _vertex(local: FloatArray, side: float) -> tuple[float, float]:
+    """Return x, y of the contour's vertex on the side x > 0 or x < 0, from parabolas through the contour around it.
+
+    Over the place along the contour, not x over y: at the tip of a sliver all points have the same y.
+    """
+    x = side * local[:, 0]
+    top = int(np.argmax(x))
+    half = _half_window(len(local))
+    if len(local) < 2 * half + 1:
+        return float(local[top, 0]), float(local[top, 1])
+    place = np.arange(-half, half + 1) / half
+    window = local[(top + np.arange(-half, half + 1)) % len(local)]
+    a, b, _ = np.polyfit(place, side * window[:, 0], 2)
     # A vertex outside the window is no vertex of this contour.
-    vertex = min(1.0, max(-1.0, vertex))
-    return side * float((a * vertex + b) * vertex + c)
+    vertex = min(1.0, max(-1.0, -b / (2.0 * a))) if a < 0.0 else 0.0
+    x_at, y_at = (float(np.polyval(np.polyfit(place, window[:, axis], 2), vertex)) for axis in (0, 1))
+    return x_at, y_at
 
 
 def _crossing(local: FloatArray, side: float, sub_pixel: bool) -> float | None:
@@ -167,28 +170,30 @@ def _crossing(local: FloatArray, side: float, sub_pixel: bool) -> float | None:
         return None
     if not sub_pixel:
         return float(heights[best])
-    near = _neighbours(int(crosses[best]), len(local))
+    half = _half_window(len(local))
+    near = np.unique((int(crosses[best]) + np.arange(-half, half + 1)) % len(local))
     width = float(np.abs(x[near]).max())
     if len(near) < 4 or width == 0.0:
         return float(heights[best])
     return float(np.polyfit(x[near] / width, y[near], 2)[2])
 
 
-def _neighbours(index: int, number: int) -> IntArray:
-    half = max(_WINDOW_LEAST, round(_WINDOW_SHARE * number / 2.0))
-    return np.unique((index + np.arange(-half, half + 1)) % number)
+def _half_window(number: int) -> int:
+    return max(_WINDOW_LEAST, round(_WINDOW_SHARE * number / 2.0))
 
 
 def _near_rim(rays: FloatArray, frame: PrincipalFrame) -> BoolArray:
     """Tell which rays (n,) lie on the rim (x/s)^2 + (y/t)^2 = z^2 of the frame."""
     local = _plane(rays, frame.rotation.T)
-    s, t = float(frame.tan_half_major), max(float(frame.tan_half_minor), 1e-12)
+    s = float(frame.tan_half_major)
+    # A segment has no inside to measure by; a hair's breadth serves.
+    t = max(float(frame.tan_half_minor), _NEAR_LENGTH * s)
     x, y = local[:, 0] / s, local[:, 1] / t
     radius = np.maximum(np.hypot(x, y), 1e-12)
     distance = (radius - 1.0) * radius / np.maximum(np.hypot(x / s, y / t), 1e-12)
     second = distance - (np.roll(distance, 1) + np.roll(distance, -1)) / 2.0
     noise = 1.4826 * float(np.median(np.abs(second))) / np.sqrt(1.5)
-    return np.asarray(np.abs(distance) <= max(_NEAR_SHARE * t, _NEAR_NOISE * noise))
+    return np.asarray(np.abs(distance) <= max(_NEAR_SHARE * t, _NEAR_LENGTH * s, _NEAR_NOISE * noise))
 
 
 def _widest_pair(rays: FloatArray) -> tuple[int, int]:
