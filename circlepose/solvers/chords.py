@@ -5,7 +5,7 @@ b and c are where the contour crosses the plane that bisects that angle, at a ri
 q. What lies elsewhere on the contour has no say: an outlier there does no harm.
 
 The extreme of many noisy points is biased outwards, and a contour of pixels knows its points to half a pixel.
-So each of the four is read off a parabola through the contour near it. And where one of the four lies on the
+So each of the four is read off a low polynomial through the contour near it. And where one of the four lies on the
 outlier itself, the pose is wrong, however good the rest: the rim that the four give is held against the whole
 contour. If less than half of it lies there, the outlier is moved onto the ellipse that most of the contour agrees
 on and the four are found again.
@@ -19,11 +19,13 @@ import numpy as np
 
 from circlepose._typing import BoolArray, FloatArray, IntArray
 from circlepose.cone import PrincipalFrame, plane_basis
+from circlepose.conic import Ellipse, signed_distance
 from circlepose.fitting.consensus import local_scatter, on_one_ellipse
 from circlepose.fitting.direct import fit_ellipse
 
 _WINDOW_SHARE = 0.1
-"""Share of the contour, on either side of a point, through which its parabola is laid."""
+"""Share of the contour around a point through which a low polynomial is laid."""
+_DEGREE = 3
 _WINDOW_LEAST = 2
 _GAP = 6.0
 """Gaps in the contour this many times the usual spacing are hidden arcs, not sampling."""
@@ -136,7 +138,7 @@ def _ray(turn: FloatArray, x: float, y: float) -> FloatArray:
 
 
 def _vertex(local: FloatArray, side: float) -> tuple[float, float]:
-    """Return x, y of the contour's vertex on the side x > 0 or x < 0, from parabolas through the contour around it.
+    """Return x, y of the contour's vertex on the side x > 0 or x < 0, from polynomials through the contour around it.
 
     Over the place along the contour, not x over y: at the tip of a sliver all points have the same y.
     """
@@ -147,10 +149,14 @@ def _vertex(local: FloatArray, side: float) -> tuple[float, float]:
         return float(local[top, 0]), float(local[top, 1])
     place = np.arange(-half, half + 1) / half
     window = local[(top + np.arange(-half, half + 1)) % len(local)]
-    a, b, _ = np.polyfit(place, side * window[:, 0], 2)
+    curves = [np.polyfit(place, window[:, axis], _DEGREE) for axis in (0, 1)]
+    # Parabolas would do but for perspective, which makes one flank of the vertex steeper than the other.
+    turning = np.roots(np.polyder(curves[0]))
+    real = np.real(turning[np.isreal(turning)])
+    vertex = float(real[np.argmin(np.abs(real))]) if len(real) else 0.0
     # A vertex outside the window is no vertex of this contour.
-    vertex = min(1.0, max(-1.0, -b / (2.0 * a))) if a < 0.0 else 0.0
-    x_at, y_at = (float(np.polyval(np.polyfit(place, window[:, axis], 2), vertex)) for axis in (0, 1))
+    vertex = min(1.0, max(-1.0, vertex))
+    x_at, y_at = (float(np.polyval(curve, vertex)) for curve in curves)
     return x_at, y_at
 
 
@@ -184,13 +190,9 @@ def _half_window(number: int) -> int:
 
 def _near_rim(rays: FloatArray, frame: PrincipalFrame) -> BoolArray:
     """Tell which rays (n,) lie on the rim (x/s)^2 + (y/t)^2 = z^2 of the frame."""
-    local = _plane(rays, frame.rotation.T)
-    s = float(frame.tan_half_major)
-    # A segment has no inside to measure by; a hair's breadth serves.
-    t = max(float(frame.tan_half_minor), _NEAR_LENGTH * s)
-    x, y = local[:, 0] / s, local[:, 1] / t
-    radius = np.maximum(np.hypot(x, y), 1e-12)
-    distance = (radius - 1.0) * radius / np.maximum(np.hypot(x / s, y / t), 1e-12)
+    s, t = float(frame.tan_half_major), float(frame.tan_half_minor)
+    rim = Ellipse.from_axes([0.0, 0.0], [s, t], 0.0)
+    distance = signed_distance(rim, _plane(rays, frame.rotation.T))
     second = distance - (np.roll(distance, 1) + np.roll(distance, -1)) / 2.0
     noise = 1.4826 * float(np.median(np.abs(second))) / np.sqrt(1.5)
     return np.asarray(np.abs(distance) <= max(_NEAR_SHARE * t, _NEAR_LENGTH * s, _NEAR_NOISE * noise))
