@@ -80,7 +80,7 @@ def with_common_names(measured: PoseTable, reference: PoseTable) -> tuple[PoseTa
     """
     images, image_note = _with_common_images(measured, reference)
     circles, circle_note = _with_common_circles(measured, images)
-    return circles, tuple(filter(None, (image_note, circle_note)))
+    return circles, tuple(filter(None, (image_note, circle_note, _method_note(measured, reference))))
 
 
 def pair_circles(measured: PoseTable, reference: PoseTable) -> Pairing:
@@ -131,6 +131,13 @@ def _with_common_circles(measured: PoseTable, reference: PoseTable) -> tuple[Pos
         replace(reference, circles=unnamed),
         "the truth does not name its circles as the poses do; circles are matched by centre alone",
     )
+
+
+def _method_note(measured: PoseTable, reference: PoseTable) -> str:
+    ours, theirs = (sorted({c.method for c in table.circles if c.method}) for table in (measured, reference))
+    if not (ours and theirs) or not set(ours).isdisjoint(theirs):
+        return ""
+    return f"the poses are by {', '.join(ours)}, the reference by {', '.join(theirs)}"
 
 
 def _for_each_method(measured: PoseTable, reference: PoseTable) -> Iterator[TabledCircle]:

@@ -31,6 +31,8 @@ _OUTLIER = 4.0
 _FINEST_PX = 0.05
 """An edge this close is the rim's, however well the others agree."""
 _TRIMS = 3
+_LEAST_NOISE_PX = 0.005
+"""Scatter of edges in an image without noise: there remain its pixels and its whole levels."""
 _FULL_RIM = 0.93
 _SMOOTH = 1.6
 """A rim that is an edge all around scatters about its ellipse hardly more than neighbouring edges do."""
@@ -58,6 +60,8 @@ class Rim:
     """share of the rim that has such an edge"""
     polarity: int
     """+1: darker inside, -1: brighter inside"""
+    axis_error_px: float
+    """standard deviation of the semi-axes, from the scatter of the edges"""
 
 
 def fit_rim(levels: Image, camera: Camera, contour: Contour, *, refine: bool = True) -> Rim | None:
@@ -131,7 +135,8 @@ def _thin_rim(levels: Image, camera: Camera, start: Ellipse) -> Rim | None:
         return None
     # There are no edge points, whose scatter the residuals would be.
     cone = ConeFit(factor, np.full(len(points), fitted.error_px))
-    return Rim(cone, points, fitted.ellipse, 1.0, -1 if fitted.contrast > 0.0 else 1)
+    polarity = -1 if fitted.contrast > 0.0 else 1
+    return Rim(cone, points, fitted.ellipse, 1.0, polarity, float(np.sqrt(fitted.covariance[3, 3])))
 
 
 def _without_outliers(edges: SeenPoints) -> tuple[ConeFit, SeenPoints] | None:
@@ -154,7 +159,11 @@ def rim_from_fit(
 ) -> Rim | None:
     """Return the rim of a cone fitted to `points` (n, 2), with its ellipse in the raw image; None where unseen."""
     ellipse = fit_ellipse(rim_pixels(camera, fit.factor, 90))
-    return None if ellipse is None else Rim(fit, points, ellipse, rim_used, polarity)
+    if ellipse is None:
+        return None
+    # Of n radial errors around the rim, two combine to make the axes long or short and as many unequal.
+    axis_error_px = max(fit.rms_px, _LEAST_NOISE_PX) / np.sqrt(len(points) / 4.0)
+    return Rim(fit, points, ellipse, rim_used, polarity, float(axis_error_px))
 
 
 def rim_pixels(camera: Camera, factor: FloatArray, number: int) -> FloatArray:

@@ -6,13 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 
+from circlepose._typing import FloatArray
 from circlepose.camera import Camera
 from circlepose.cone import ConeKind, principal_frame
 from circlepose.measure import Rim
 from circlepose.pose import Candidate, CircleResult, Flag, Status
 from circlepose.solvers.solve import Solutions, solve
 
-_NEAR_RIGHT = 4.0
+_SIGMAS = 3.0
+"""Standard errors by which two semi-axes must differ, or one from 0, to be told apart."""
+_NEAR_RIGHT = 8.0
 """The tilt is ill-determined while the semi-axes differ by less than so many standard errors."""
 _SLIVER_PX = 2.0
 _POOR_FIT_PX = 0.35
@@ -24,10 +27,11 @@ def circle_results(
 ) -> list[CircleResult]:
     """Return a result for each method, the candidates of a lone circle: nothing says yet which is right."""
     rays = camera.rays(rim.points)
-    reference = solve("chen-huang", rim.cone.factor, rays, radius_mm)
+    factor = settled_factor(rim)
+    reference = solve("chen-huang", factor, rays, radius_mm)
     results = []
     for method in methods:
-        solutions = solve(method, rim.cone.factor, rays, radius_mm)
+        solutions = solve(method, factor, rays, radius_mm)
         base = CircleResult(
             instance,
             circle,
@@ -54,6 +58,23 @@ def circle_results(
             )
         )
     return results
+
+
+def settled_factor(rim: Rim) -> FloatArray:
+    """Return the viewing cone's factor (3, 3), right or degenerate where the edges tell no difference from that.
+
+    Within its error a circle seen along its axis is a right cone with one pose, where the fitted axes, never quite
+    equal, would give two with a tilt of their own; and a segment is edge-on, whatever width noise gives it.
+    """
+    frame = principal_frame(rim.cone.factor)
+    s, t = float(frame.tan_half_major), float(frame.tan_half_minor)
+    error = _SIGMAS * rim.axis_error_px / float(rim.ellipse.semi_major) * s
+    if s - t < error:
+        mean = np.sqrt(s * t)
+        return np.asarray(frame.rotation * np.array([mean, mean, 1.0]))
+    if t < error:
+        return np.asarray(frame.rotation * np.array([s, 0.0, 1.0]))
+    return rim.cone.factor
 
 
 def _candidates(solutions: Solutions, camera: Camera, reference: Solutions | str | None) -> tuple[Candidate, ...]:
@@ -83,9 +104,8 @@ def _flags(rim: Rim, one: bool, mended: bool) -> tuple[Flag, ...]:
     flags = [] if one else [Flag.AMBIGUOUS]
     frame = principal_frame(rim.cone.factor)
     semi_minor = float(rim.ellipse.semi_minor)
-    error = rim.cone.rms_px / np.sqrt(len(rim.points) / 4.0)
     local = float(rim.ellipse.semi_major) * float(1.0 - frame.tan_half_minor / frame.tan_half_major)
-    if local < _NEAR_RIGHT * error:
+    if local < _NEAR_RIGHT * rim.axis_error_px:
         flags.append(Flag.NEAR_RIGHT)
     if semi_minor < _SLIVER_PX:
         flags.append(Flag.NEAR_DEGENERATE)

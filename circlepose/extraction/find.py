@@ -61,7 +61,7 @@ def find_contours(
     # Only where there is a length to expect: every thin line would be a circle seen edge-on.
     thin = are_thin(rough) if intervals.major_px is not None else np.zeros(len(rough), dtype=np.bool_)
     contours = _find_open(levels, rough[~thin], intervals, polarity, keep_concentric, rejected)
-    if (intervals.minor_px is not None and intervals.minor_px[0] < THIN_PX) or (
+    if (intervals.minor_px is not None and intervals.minor_px[0] < 2.0 * THIN_PX) or (
         enough is not None and len(contours) < enough
     ):
         slivers = find_slivers(levels, rough[thin], intervals, polarity, rejected)
