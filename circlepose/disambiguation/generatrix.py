@@ -1,0 +1,111 @@
+"""Which candidates of two coaxial circles in different planes belong together: Fu & Zhou (2019), section 3.3.
+
+Each candidate of the big circle is paired with the small circle's candidate of nearest normal. Of the right pair
+the generatrix, rim to rim in the plane that holds the axis and the camera, has the part's known length
+sqrt(h^2 + (R - r)^2) at both ends of the diameters there. Of the wrong pair the small circle's centre is off the
+big one's axis by some e in that plane, and the generatrices are
+
+    sqrt(h'^2 + (R - r - e)^2)  and  sqrt(h'^2 + (R - r + e)^2)
+
+(CC1 in their fig. 5 is one of the two). One is too short and the other too long by about as much, so compare the
+ends, never their mean: it hardly tells the pairs apart. Where the length is not known, ends of one length or
+e = 0 tell as well.
+
+Lengths are in the unit of the centres; the frame is any that has the camera in its origin. Normals point towards
+the camera, so both circles must be seen from the same side.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from circlepose._typing import FloatArray, IntArray
+from circlepose.cone import plane_basis
+from circlepose.errors import ArgumentError
+
+_NO_DIRECTION = 1e-12
+
+
+def pair_candidates(normals_big: FloatArray, normals_small: FloatArray) -> IntArray:
+    """Return, for each candidate of the big circle, the small circle's candidate of nearest normal: indices (..., 2).
+
+    `normals_big`, `normals_small` (..., 2, 3): unit normals of both candidates. Where the tilt is so small that all
+    four agree within their errors, both may have the same partner.
+    """
+    return np.asarray(np.argmax(normals_big @ np.swapaxes(normals_small, -1, -2), axis=-1), dtype=np.int64)
+
+
+def generatrix_length(
+    center_big: FloatArray,
+    normal_big: FloatArray,
+    radius_big: FloatArray | float,
+    center_small: FloatArray,
+    normal_small: FloatArray,
+    radius_small: FloatArray | float,
+) -> FloatArray:
+    """Return the rim to rim distance (...) at the near end: GCC of their table 2. Arguments as `generatrix_ends`."""
+    return generatrix_ends(center_big, normal_big, radius_big, center_small, normal_small, radius_small)[..., 0]
+
+
+def generatrix_ends(
+    center_big: FloatArray,
+    normal_big: FloatArray,
+    radius_big: FloatArray | float,
+    center_small: FloatArray,
+    normal_small: FloatArray,
+    radius_small: FloatArray | float,
+) -> FloatArray:
+    """Return the rim to rim distances (..., 2) at the end of the diameters nearer to the camera, and at the far end.
+
+    The diameters are those in the plane of symmetry, which holds the camera and the axis. Centres and unit normals
+    (..., 3), radii (...). Candidates that are not quite coaxial have not quite the same plane: the one between is
+    taken, so that the ends correspond. Near and far are the big circle's.
+    """
+    axis = _mean_axis(normal_big, normal_small)
+    across, other = np.cross(center_big, normal_big), np.cross(center_small, normal_small)
+    across = across + np.where(np.sum(across * other, axis=-1, keepdims=True) < 0.0, -other, other)
+    length = np.linalg.norm(across, axis=-1, keepdims=True)
+    along_sight = length <= _NO_DIRECTION * np.linalg.norm(center_big, axis=-1, keepdims=True)
+    # Looked at along the axis every plane through it is one of symmetry.
+    across = np.where(along_sight, plane_basis(axis)[0], across / np.where(along_sight, 1.0, length))
+    apart = center_big - center_small
+    arm_big = np.asarray(radius_big)[..., None] * _unit(np.cross(across, normal_big))
+    arm_small = np.asarray(radius_small)[..., None] * _unit(np.cross(across, normal_small))
+    near, far = apart + (arm_big - arm_small), apart - (arm_big - arm_small)
+    return np.stack([np.linalg.norm(near, axis=-1), np.linalg.norm(far, axis=-1)], axis=-1)
+
+
+def axis_misalignment(
+    center_big: FloatArray, normal_big: FloatArray, center_small: FloatArray, normal_small: FloatArray
+) -> FloatArray:
+    """Return how far (...) the small circle's centre is off the big one's axis: 0 for the right pair.
+
+    Centres and unit normals (..., 3); the axis has the mean direction of both normals.
+    """
+    apart = center_small - center_big
+    return np.linalg.norm(np.cross(apart, _mean_axis(normal_big, normal_small)), axis=-1)
+
+
+def height_from_generatrix(
+    generatrix: FloatArray | float, radius_big: FloatArray | float, radius_small: FloatArray | float
+) -> FloatArray:
+    """Return the distance h (...) of the two planes: h^2 = generatrix^2 - (R - r)^2.
+
+    Raises
+    ------
+    ArgumentError
+        When a generatrix is shorter than the difference of the radii.
+    """
+    difference = np.abs(np.asarray(radius_big, dtype=np.float64) - np.asarray(radius_small, dtype=np.float64))
+    length = np.asarray(generatrix, dtype=np.float64)
+    if np.any(length < difference):
+        raise ArgumentError("generatrix: expected a length of at least the difference of the radii.")
+    return np.sqrt((length - difference) * (length + difference))
+
+
+def _mean_axis(normal_big: FloatArray, normal_small: FloatArray) -> FloatArray:
+    return _unit(np.asarray(normal_big) + np.asarray(normal_small))
+
+
+def _unit(vectors: FloatArray) -> FloatArray:
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
