@@ -15,6 +15,8 @@ from circlepose.solvers.solve import Solutions, solve
 
 _SIGMAS = 3.0
 """Standard errors by which two semi-axes must differ, or one from 0, to be told apart."""
+_SEGMENT_PX = 0.35
+"""Semi-minor axis below which levels cannot tell a thin disc of high contrast from a thicker one of low contrast."""
 _NEAR_RIGHT = 8.0
 """The tilt is ill-determined while the semi-axes differ by less than so many standard errors."""
 _SLIVER_PX = 2.0
@@ -68,11 +70,12 @@ def settled_factor(rim: Rim) -> FloatArray:
     """
     frame = principal_frame(rim.cone.factor)
     s, t = float(frame.tan_half_major), float(frame.tan_half_minor)
-    error = _SIGMAS * rim.axis_error_px / float(rim.ellipse.semi_major) * s
+    per_px = s / float(rim.ellipse.semi_major)
+    error = _SIGMAS * rim.axis_error_px * per_px
     if s - t < error:
         mean = np.sqrt(s * t)
         return np.asarray(frame.rotation * np.array([mean, mean, 1.0]))
-    if t < error:
+    if t < max(error, _SEGMENT_PX * per_px):
         return np.asarray(frame.rotation * np.array([s, 0.0, 1.0]))
     return rim.cone.factor
 

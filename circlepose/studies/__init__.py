@@ -1,0 +1,1 @@
+"""The papers' experiments done again, beside the numbers that they print."""
