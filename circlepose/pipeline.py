@@ -14,6 +14,7 @@ from circlepose.extraction.find import find_contours
 from circlepose.extraction.grey import to_grey
 from circlepose.extraction.intervals import axis_intervals
 from circlepose.measure import Rim, fit_rim
+from circlepose.plane_hint import settled_by_common_plane
 from circlepose.pose import CircleResult, Flag, ImageResult, Status
 from circlepose.rings import contradiction, find_ring_targets
 from circlepose.solutions import circle_results
@@ -93,6 +94,8 @@ def estimate(
     if lone:
         circles = _lone_circles(rims, camera, target, methods, rejected)
         rejected[Rejection.BEYOND_COUNT] += sum(1 for _ in remaining)
+        if target.coplanar:
+            circles = settled_by_common_plane(circles)
     else:
         all_rims = list(rims)
         circles = find_ring_targets(all_rims, camera, target, methods, rejected)

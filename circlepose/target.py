@@ -55,7 +55,9 @@ class Target:
     axis_intervals
         Accepted axes of the (largest) circle's image.
     depth_range_mm
-        Nearest and farthest distance of the centre from the camera.
+        Nearest and farthest depth of the centre: its z in the camera frame.
+    coplanar
+        Kind circle only: all circles found in an image lie in one plane, which tells their candidates apart.
     """
 
     kind: Kind
@@ -65,6 +67,7 @@ class Target:
     polarity: Polarity = "any"
     axis_intervals: AxisIntervals | None = None
     depth_range_mm: tuple[float, float] | None = None
+    coplanar: bool = False
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
@@ -75,6 +78,11 @@ class Target:
         self._check_generatrix()
         if self.count is not None and self.count < 1:
             raise TargetError(f"count: expected a whole number of at least 1 or 'all', got {self.count}.")
+        if self.coplanar and (self.kind != "circle" or self.count == 1):
+            raise TargetError(
+                "coplanar: says that several circles lie in one plane, so it needs kind: circle and a count of 2 or "
+                "more, or all; rings of one target are kind: coplanar."
+            )
         if self.depth_range_mm is not None:
             _check_interval("depth_range_mm", self.depth_range_mm, "mm", lowest_allowed=0.0)
 

@@ -21,6 +21,7 @@ def estimate(
     depth_range_mm: options.DepthRange = None,
     major_px: options.MajorPx = None,
     minor_px: options.MinorPx = None,
+    coplanar: options.Coplanar = None,
     method: options.Method = MethodChoice.CHEN_HUANG,
     refine: options.Refine = True,
     extraction: options.Extraction = ExtractionChoice.EDGES,
@@ -49,6 +50,7 @@ def estimate(
         depth_range_mm=options.parse_interval("--depth-range-mm", depth_range_mm),
         major_px=options.parse_interval("--major-px", major_px),
         minor_px=options.parse_interval("--minor-px", minor_px),
+        coplanar=coplanar,
     )
     # Cores are shared out by process; threads of the linear algebra would only be in each other's way.
     for library in ("OPENBLAS", "OMP", "MKL"):

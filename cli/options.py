@@ -74,6 +74,7 @@ class TargetOverrides:
     depth_range_mm: tuple[float, float] | None = None
     major_px: tuple[float, float] | None = None
     minor_px: tuple[float, float] | None = None
+    coplanar: bool | None = None
 
 
 def parse_count(text: str | None) -> int | Literal["all"] | None:
@@ -147,7 +148,7 @@ Polarity = Annotated[
 ]
 DepthRange = Annotated[
     str | None,
-    typer.Option("--depth-range-mm", metavar="NEAR:FAR", help="Accept only circles at such distances, in mm."),
+    typer.Option("--depth-range-mm", metavar="NEAR:FAR", help="Accept only circles whose centre has such a depth (z), in mm."),
 ]
 MajorPx = Annotated[
     str | None,
@@ -156,6 +157,13 @@ MajorPx = Annotated[
 MinorPx = Annotated[
     str | None,
     typer.Option("--minor-px", metavar="LOW:HIGH", help="Accepted full length of the ellipse's minor axis, in px."),
+]
+Coplanar = Annotated[
+    bool | None,
+    typer.Option(
+        "--coplanar/--no-coplanar",
+        help="Whether all circles of an image lie in one plane, which tells candidates apart.",
+    ),
 ]
 Method = Annotated[
     MethodChoice, typer.Option("--method", help="How the candidate poses are computed; all compares them.")

@@ -87,6 +87,8 @@ def _overridden(target: Target, overrides: TargetOverrides) -> Target:
         changes["count"] = None if overrides.count == "all" else overrides.count
     if overrides.polarity is not None:
         changes["polarity"] = overrides.polarity.value
+    if overrides.coplanar is not None:
+        changes["coplanar"] = overrides.coplanar
     if overrides.depth_range_mm is not None:
         changes["depth_range_mm"] = overrides.depth_range_mm
     if overrides.major_px is not None or overrides.minor_px is not None:

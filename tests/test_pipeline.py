@@ -8,6 +8,7 @@ import pytest
 import circlepose
 from cases import circle_case
 from circlepose.camera import Camera
+from circlepose.cone import plane_basis
 from circlepose.errors import ArgumentError
 from circlepose.pose import FLAG_MEANING, STATUS_MEANING, Flag, Status
 from circlepose.solvers import METHODS
@@ -257,6 +258,22 @@ def test_a_ring_target_of_other_radii_is_not_found_in_silence():
     result = circlepose.estimate(render(scene(rings())), CAMERA, Target("coplanar", (50.0, 20.0)))
     assert all(Flag.LONE_CIRCLE in c.flags for c in result.circles)
     assert result.status is not Status.OK
+
+
+def test_circles_in_one_plane_settle_each_others_ambiguity():
+    normal = np.array([0.5, 0.3, -0.8]) / np.linalg.norm([0.5, 0.3, -0.8])
+    first, second = plane_basis(normal)
+    centers = [np.array([0.0, 0.0, 600.0]) + x * first + y * second for x, y in ((-70, -50), (75, -45), (0, 80))]
+    picture = scene(*(disc(center, normal, 30.0) for center in centers))
+    target = Target.circle(30.0, count=3)
+    alone = circlepose.estimate(render(picture), CAMERA, target)
+    assert all(c.ambiguity == 0.5 for c in alone.circles)
+    together = circlepose.estimate(render(picture), CAMERA, replace(target, coplanar=True))
+    assert len(together.circles) == 3
+    for circle in together.circles:
+        assert circle.candidates[circle.chosen].normal @ normal > 0.999
+        assert circle.ambiguity < 0.05
+        assert Flag.AMBIGUOUS not in circle.flags
 
 
 def test_misuse_raises():

@@ -30,6 +30,8 @@ def test_names_of_the_circles():
         (lambda: Target("circle", (50.0,), polarity="blue"), "any, dark, bright"),
         (lambda: Target.circle(5.0, count=0), "at least 1"),
         (lambda: Target.circle(5.0, depth_range_mm=(500.0, 100.0)), "smallest < largest"),
+        (lambda: Target("circle", (5.0,), coplanar=True), "count of 2 or more"),
+        (lambda: Target("coplanar", (5.0, 3.0), count=None, coplanar=True), "needs kind: circle"),
         (lambda: AxisIntervals(major_px=(-1.0, 5.0)), "axis_intervals_px.major"),
         (lambda: AxisIntervals(minor_px=(5.0, 5.0)), "axis_intervals_px.minor"),
     ],

@@ -10,7 +10,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from circlepose._typing import FloatArray, Image
+from circlepose._typing import FloatArray, Image, IntArray
 from circlepose.extraction.edges import edge_map
 
 _THRESHOLDS = 16
@@ -24,14 +24,15 @@ def border_chains(grey8: Image, shortest: int) -> list[FloatArray]:
     """Return the best border of each nest in `grey8` (h, w) uint8, (n, 2) px in order, n >= `shortest`."""
     on_edge = cv2.dilate(edge_map(grey8), np.ones((3, 3), np.uint8)) > 0
     smooth = cv2.GaussianBlur(grey8, (3, 3), 0.0)
-    borders, scores = [], []
+    borders: list[IntArray] = []
+    scores: list[float] = []
     for threshold in _thresholds(smooth):
         above = cv2.threshold(smooth, float(threshold), 255, cv2.THRESH_BINARY)[1]
         found, _ = cv2.findContours(above, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
         for border in found:
             if len(border) < shortest:
                 continue
-            points = border[:, 0, :]
+            points = border[:, 0, :].astype(np.int64)
             score = float(np.mean(on_edge[points[:, 1], points[:, 0]]))
             if score >= _LEAST_SCORE:
                 borders.append(points)
@@ -45,7 +46,7 @@ def _thresholds(grey8: Image) -> FloatArray:
     return np.unique(np.round(np.linspace(low, high, _THRESHOLDS + 2)[1:-1]))
 
 
-def _best_of_nests(borders: list[FloatArray], scores: FloatArray) -> list[int]:
+def _best_of_nests(borders: list[IntArray], scores: FloatArray) -> list[int]:
     if not borders:
         return []
     boxes = np.array([[*b.min(axis=0), *b.max(axis=0)] for b in borders], dtype=np.float64)

@@ -47,6 +47,7 @@ class _TargetForm(Strict):
     polarity: Polarity = Field("any", description=f"one of {', '.join(POLARITIES)}")
     axis_intervals_px: _AxisIntervals | None = Field(None, description="a mapping with the keys major and minor")
     depth_range_mm: _Pair | None = Field(None, description="[nearest, farthest] distance in mm")
+    coplanar: bool = Field(False, description="true or false")
 
 
 def read_target(source: Source) -> Target:
@@ -62,7 +63,7 @@ def target_from_mapping(mapping: Mapping[str, object], where: str) -> Target:
     """Return the target that a mapping describes; `where` (a file, or a key in it) begins every message.
 
     Keys: `kind`, `radius_mm` or `radii_mm`, `generatrix_mm` or `height_mm`, `count`, `polarity`,
-    `axis_intervals_px`, `depth_range_mm`. Raises `TargetError`.
+    `axis_intervals_px`, `depth_range_mm`, `coplanar`. Raises `TargetError`.
     """
     _check_units(mapping, where)
     form = parse(_TargetForm, mapping, where, TargetError)
@@ -78,6 +79,7 @@ def target_from_mapping(mapping: Mapping[str, object], where: str) -> Target:
             polarity=form.polarity,
             axis_intervals=None if axes is None else AxisIntervals(_pair(axes.major), _pair(axes.minor)),
             depth_range_mm=_pair(form.depth_range_mm),
+            coplanar=form.coplanar,
         )
     except TargetError as reason:
         raise TargetError(f"{where}: {reason}") from None
@@ -99,6 +101,8 @@ def target_to_mapping(target: Target) -> dict[str, object]:
         mapping["axis_intervals_px"] = {name: list(pair) for name, pair in axes.items() if pair is not None}
     if target.depth_range_mm is not None:
         mapping["depth_range_mm"] = list(target.depth_range_mm)
+    if target.coplanar:
+        mapping["coplanar"] = True
     return mapping
 
 
