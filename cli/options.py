@@ -148,7 +148,9 @@ Polarity = Annotated[
 ]
 DepthRange = Annotated[
     str | None,
-    typer.Option("--depth-range-mm", metavar="NEAR:FAR", help="Accept only circles whose centre has such a depth (z), in mm."),
+    typer.Option(
+        "--depth-range-mm", metavar="NEAR:FAR", help="Accept only circles whose centre is so deep (z), in mm."
+    ),
 ]
 MajorPx = Annotated[
     str | None,
