@@ -136,7 +136,7 @@ def _thin_rim(levels: Image, camera: Camera, start: Ellipse) -> Rim | None:
     # There are no edge points, whose scatter the residuals would be.
     cone = ConeFit(factor, np.full(len(points), fitted.error_px))
     polarity = -1 if fitted.contrast > 0.0 else 1
-    return Rim(cone, points, fitted.ellipse, 1.0, polarity, float(np.sqrt(fitted.covariance[3, 3])))
+    return Rim(cone, points, fitted.ellipse, fitted.rim_used, polarity, float(np.sqrt(fitted.covariance[3, 3])))
 
 
 def _without_outliers(edges: SeenPoints) -> tuple[ConeFit, SeenPoints] | None:

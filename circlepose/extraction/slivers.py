@@ -124,7 +124,7 @@ def _contour(fitted: ThinEllipse) -> Contour:
         ellipse=fitted.ellipse,
         polarity=-1 if fitted.contrast > 0.0 else 1,
         step=fitted.peak_levels,
-        rim_used=1.0,
+        rim_used=fitted.rim_used,
         residual_px=fitted.error_px,
         evidence=perimeter * fitted.peak_levels,
     )

@@ -12,12 +12,12 @@ cost per pixel does not depend on the size, but the quadrature is made for b up 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import ndtr
 
-from circlepose._typing import BoolArray, FloatArray, Image
+from circlepose._typing import BoolArray, FloatArray, Image, IntArray
 from circlepose.conic import Ellipse
 
 _NODES, _NODE_WEIGHTS = np.polynomial.legendre.leggauss(20)
@@ -32,6 +32,12 @@ _ROUNDS = ((12, 1.0), (6, 1.0))
 """Steps of each round, and how far it looks along the axes, in their lengths."""
 _DEEP_PX = 4.0
 """Pixels farther inside than this see no edge."""
+_STRETCHES = 32
+_CLEANINGS = 4
+_COVERED = 2.5
+_COVERED_SHARE = 0.04
+"""A stretch is covered when its residual is so many times the typical one, and such a share of the peak."""
+_LEAST_KEPT = 0.5
 _MOST_PIXELS = 14000
 _GROWTH = 3.0
 """Longest semi-major axis, in units of the start's, before the fit has lost its object."""
@@ -62,6 +68,8 @@ class ThinEllipse:
     """highest level that the ellipse adds or takes: the contrast, less where blur is wider than the ellipse"""
     rms_levels: float
     """rms residual"""
+    rim_used: float
+    """share of its length that is not covered or touched by something else"""
     covariance: FloatArray
     """(5, 5) of centre x, y, semi-major, semi-minor (px) and angle (rad), with the blur unknown"""
 
@@ -89,6 +97,20 @@ def fit_thin_ellipse(grey: Image, start: Ellipse, *, grow: bool = False) -> Thin
         if fitted is None:
             return None
         theta, state = fitted
+    kept = np.ones(_STRETCHES, dtype=np.bool_)
+    for _ in range(_CLEANINGS):
+        stretch_of = _stretches(problem.points, theta)
+        covered = _not_covered(state, stretch_of) & kept
+        if np.array_equal(covered, kept):
+            break
+        kept = covered
+        if kept.mean() < _LEAST_KEPT:
+            return None
+        problem = replace(problem, root_weight=problem.root_weight * kept[stretch_of])
+        fitted = _levenberg_marquardt(problem, theta, _ROUNDS[0][0])
+        if fitted is None:
+            return None
+        theta, state = fitted
     ellipse = Ellipse.from_axes(theta[:2], theta[2:4], theta[4])
     information = state.jacobian.T @ state.jacobian / state.variance + _prior(1.0)
     return ThinEllipse(
@@ -96,9 +118,27 @@ def fit_thin_ellipse(grey: Image, start: Ellipse, *, grow: bool = False) -> Thin
         sigma_px=float(theta[5]),
         contrast=state.contrast,
         peak_levels=abs(state.contrast) * state.highest_share,
-        rms_levels=float(np.sqrt(np.mean(state.residual**2))),
+        rms_levels=float(np.sqrt(np.sum(state.residual**2) / max(float(np.sum(problem.root_weight**2)), 1.0))),
+        rim_used=float(kept.mean()),
         covariance=np.asarray(np.linalg.pinv(information)[:5, :5], dtype=np.float64),
     )
+
+
+def _stretches(points: FloatArray, theta: FloatArray) -> IntArray:
+    """Return which of the equal stretches along the major axis each point (n, 2) belongs to."""
+    along = (points - theta[:2]) @ np.array([np.cos(theta[4]), np.sin(theta[4])])
+    share = (along / (theta[2] + _MARGIN_PX) + 1.0) / 2.0
+    return np.clip((share * _STRETCHES).astype(np.int64), 0, _STRETCHES - 1)
+
+
+def _not_covered(state: _State, stretch_of: IntArray) -> BoolArray:
+    """Tell which stretches have residuals like most others: something covers the rest, or touches them."""
+    count = np.maximum(np.bincount(stretch_of, minlength=_STRETCHES), 1)
+    rms = np.sqrt(np.bincount(stretch_of, state.residual**2, _STRETCHES) / count)
+    limit = max(_COVERED * float(np.median(rms)), _COVERED_SHARE * abs(state.contrast) * state.highest_share)
+    bad = rms > limit
+    # What covers a stretch reaches a little into its neighbours.
+    return ~(bad | np.append(bad[1:], False) | np.append(False, bad[:-1]))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
