@@ -1,6 +1,7 @@
 """The command `circlepose`: its commands, and how each way of ending becomes an exit code.
 
-0 all done; 1 a bug; 2 usage, configuration, calibration or output; 3 some images failed; 130 interrupted.
+0 all done; 1 a bug; 2 usage, configuration, calibration or output; 3 some images failed;
+4 outside tolerance; 130 interrupted.
 """
 
 from __future__ import annotations
@@ -17,9 +18,11 @@ from circlepose import __version__
 from circlepose.errors import CircleposeError
 from circlepose_cli import debugging
 from circlepose_cli.camera import camera
+from circlepose_cli.check import check
 from circlepose_cli.estimate import estimate
 from circlepose_cli.render import render
 from circlepose_cli.statuses import statuses
+from circlepose_cli.study import study
 
 BUG = 1
 ENVIRONMENT = 2
@@ -34,8 +37,9 @@ app = typer.Typer(
     no_args_is_help=True,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (estimate, camera, render, statuses):
+for command in (estimate, check, camera, render, statuses):
     app.command()(command)
+app.add_typer(study)
 
 
 def _print_version(wanted: bool) -> None:

@@ -170,6 +170,11 @@ def test_methods_are_matched_with_their_own_baseline():
     assert compare(measured, reference, EXACT).differences == ()
 
 
+def test_methods_that_have_nothing_in_common_are_told():
+    comparison = compare(table(circle(method="kanatani-liu")), table(circle(method="chen-huang")), EXACT)
+    assert comparison.notes == ("the poses are by kanatani-liu, the reference by chen-huang",)
+
+
 def test_a_truth_holds_for_every_method():
     measured = table(circle(0.0, method="chen-huang"), circle(5.0, method="kanatani-liu"))
     comparison = compare(measured, truth(circle(), circle(50.0, image="b.png")), TOLERANCE)

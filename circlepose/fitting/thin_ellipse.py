@@ -32,7 +32,7 @@ _ROUNDS = ((12, 1.0), (6, 1.0))
 """Steps of each round, and how far it looks along the axes, in their lengths."""
 _DEEP_PX = 4.0
 """Pixels farther inside than this see no edge."""
-_STRETCHES = 32
+_STRETCHES = 24
 _CLEANINGS = 4
 _COVERED = 2.5
 _COVERED_SHARE = 0.04
@@ -97,7 +97,7 @@ def fit_thin_ellipse(grey: Image, start: Ellipse, *, grow: bool = False) -> Thin
         if fitted is None:
             return None
         theta, state = fitted
-    kept = np.ones(_STRETCHES, dtype=np.bool_)
+    kept = np.ones(2 * _STRETCHES, dtype=np.bool_)
     for _ in range(_CLEANINGS):
         stretch_of = _stretches(problem.points, theta)
         covered = _not_covered(state, stretch_of) & kept
@@ -125,20 +125,22 @@ def fit_thin_ellipse(grey: Image, start: Ellipse, *, grow: bool = False) -> Thin
 
 
 def _stretches(points: FloatArray, theta: FloatArray) -> IntArray:
-    """Return which of the equal stretches along the major axis each point (n, 2) belongs to."""
-    along = (points - theta[:2]) @ np.array([np.cos(theta[4]), np.sin(theta[4])])
+    """Return the stretch along the major axis, of either side, that each point (n, 2) belongs to."""
+    cos, sin = np.cos(theta[4]), np.sin(theta[4])
+    offset = points - theta[:2]
+    along, across = offset @ np.array([cos, sin]), offset @ np.array([-sin, cos])
     share = (along / (theta[2] + _MARGIN_PX) + 1.0) / 2.0
-    return np.clip((share * _STRETCHES).astype(np.int64), 0, _STRETCHES - 1)
+    return np.clip((share * _STRETCHES).astype(np.int64), 0, _STRETCHES - 1) + _STRETCHES * (across > 0.0)
 
 
 def _not_covered(state: _State, stretch_of: IntArray) -> BoolArray:
-    """Tell which stretches have residuals like most others: something covers the rest, or touches them."""
-    count = np.maximum(np.bincount(stretch_of, minlength=_STRETCHES), 1)
-    rms = np.sqrt(np.bincount(stretch_of, state.residual**2, _STRETCHES) / count)
-    limit = max(_COVERED * float(np.median(rms)), _COVERED_SHARE * abs(state.contrast) * state.highest_share)
-    bad = rms > limit
+    """Tell which stretches have residuals like the best of them: something covers the rest, or touches them."""
+    count = np.maximum(np.bincount(stretch_of, minlength=2 * _STRETCHES), 1)
+    rms = np.sqrt(np.bincount(stretch_of, state.residual**2, 2 * _STRETCHES) / count)
+    limit = max(_COVERED * float(np.quantile(rms, 0.25)), _COVERED_SHARE * abs(state.contrast) * state.highest_share)
+    bad = np.pad((rms > limit).reshape(2, _STRETCHES), ((0, 0), (1, 1)))
     # What covers a stretch reaches a little into its neighbours.
-    return ~(bad | np.append(bad[1:], False) | np.append(False, bad[:-1]))
+    return ~(bad[:, 1:-1] | bad[:, :-2] | bad[:, 2:]).ravel()
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,0 +1,133 @@
+"""`circlepose check` at work: two tables -> their comparison -> output, and the exit code."""
+
+from __future__ import annotations
+
+import io
+import sys
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+
+from circlepose.compare import CHANGE_MEANING, CandidateChoice, Comparison, Tolerance, compare
+from circlepose.errors import ArgumentError, UsageError
+from circlepose.files.atomic import atomic_writer
+from circlepose.files.inputs import STDIN
+from circlepose.files.pose_table import PoseFile, read_pose_file
+from circlepose_cli.check_report import write_comparison
+from circlepose_cli.options import FormatChoice
+from circlepose_cli.output import choose_format
+from circlepose_cli.progress import printable
+
+OUTSIDE_TOLERANCE = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """What the command line asks for."""
+
+    poses: str
+    against: Path
+    position_mm: float
+    normal_deg: float
+    candidate: CandidateChoice
+    update: bool
+    output_format: FormatChoice | None
+    quiet: bool
+
+
+def run(request: Request) -> int:
+    """Compare, print what differs, and return the exit code."""
+    tolerance = _tolerance(request)
+    measured = _read_poses(request.poses)
+    if request.update and not request.against.exists():
+        _update(measured, request)
+        return 0
+    reference = read_pose_file(_read(request.against), str(request.against), truth_allowed=True)
+    if request.update:
+        _refuse_update(measured, reference)
+    comparison = compare(measured.table, reference.table, tolerance, request.candidate)
+    output_format = choose_format(request.output_format, None, to_terminal=sys.stdout.isatty())
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        # The same bytes whatever the locale; line ends as in a file.
+        sys.stdout.reconfigure(encoding="utf-8", newline="")
+    write_comparison(comparison, tolerance, sys.stdout, output_format)
+    for note in comparison.notes:
+        _tell(note, request)
+    _tell(_summary(comparison, tolerance), request)
+    if request.update:
+        _update(measured, request)
+        return 0
+    return OUTSIDE_TOLERANCE if comparison.differences else 0
+
+
+def _tolerance(request: Request) -> Tolerance:
+    try:
+        return Tolerance(request.position_mm, request.normal_deg)
+    except ArgumentError as error:
+        raise UsageError(f"--{str(error).replace('_', '-', 1)}") from None
+
+
+def _read_poses(poses: str) -> PoseFile:
+    if poses != STDIN:
+        return read_pose_file(_read(Path(poses)), poses)
+    if sys.stdin is None:
+        raise UsageError("-: there is no standard input to read poses from.")
+    return read_pose_file(sys.stdin.buffer.read(), "standard input")
+
+
+def _read(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except FileNotFoundError:
+        raise UsageError(f"{path}: there is no such file; check the path.") from None
+    except IsADirectoryError:
+        raise UsageError(f"{path}: is a folder; give the table in it.") from None
+    except OSError as reason:
+        raise UsageError(f"{path}: cannot be opened ({reason.strerror}).") from None
+
+
+def _refuse_update(measured: PoseFile, reference: PoseFile) -> None:
+    if reference.table.is_truth:
+        raise UsageError(
+            f"--update: {reference.name} is a truth, without the columns method and solution, and is never "
+            "overwritten; name a baseline."
+        )
+    if measured.form != reference.form:
+        raise UsageError(
+            f"--update: {reference.name} is {reference.form} and {measured.name} is {measured.form}; make the "
+            f"poses with --format {reference.form}, or remove the baseline first."
+        )
+
+
+def _update(measured: PoseFile, request: Request) -> None:
+    with atomic_writer(request.against, binary=True) as handle:
+        handle.write(measured.content)
+    _tell(f"{request.against}: now holds {_circles(len(measured.table.circles))} of {measured.name}", request)
+
+
+def _summary(comparison: Comparison, tolerance: Tolerance) -> str:
+    limits = f"{tolerance.position_mm:g} mm and {tolerance.normal_deg:g} deg"
+    parts = [f"{_circles(comparison.compared)} compared"]
+    counts = Counter(difference.change for difference in comparison.differences)
+    if counts:
+        kinds = ", ".join(f"{counts[change]} {change}" for change in CHANGE_MEANING if counts[change])
+        parts.append(f"outside {limits}: {kinds}")
+    else:
+        parts.append(f"all within {limits}")
+    largest = [
+        f"{value:.3g} {unit}"
+        for value, unit in ((comparison.largest_position_mm, "mm"), (comparison.largest_normal_deg, "deg"))
+        if value is not None
+    ]
+    if largest:
+        parts.append(f"largest difference {', '.join(largest)}")
+    return "; ".join(parts)
+
+
+def _circles(number: int) -> str:
+    return f"{number} circle{'' if number == 1 else 's'}"
+
+
+def _tell(message: str, request: Request) -> None:
+    if not request.quiet:
+        print(printable(message), file=sys.stderr)
