@@ -1,6 +1,6 @@
 """Start-up, which counts in pipelines: the best of five runs of each command, in s.
 
-    python benchmarks/startup.py
+python benchmarks/startup.py
 """
 
 from __future__ import annotations

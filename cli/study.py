@@ -112,17 +112,21 @@ def table2(
 
 def _followed(repeats: int, seed: int) -> Iterator[NoiseRow]:
     """Yield the rows of the noise experiment, with a bar meanwhile where standard error is a terminal."""
+    from circlepose.studies.noise import noise_rows, readings  # noqa: PLC0415
+
+    rows = noise_rows(repeats, seed)
+    if not sys.stderr.isatty():
+        yield from rows
+        return
     from rich.console import Console  # noqa: PLC0415
     from rich.progress import track  # noqa: PLC0415
 
-    from circlepose.studies.noise import noise_rows, readings  # noqa: PLC0415
     from circlepose.studies.published import NOISE  # noqa: PLC0415
 
     yield from track(
-        noise_rows(repeats, seed),
+        rows,
         "perturbing",
         total=len(readings()) * len(NOISE),
         console=Console(stderr=True),
         transient=True,
-        disable=not sys.stderr.isatty(),
     )

@@ -1,4 +1,4 @@
-"""Real photographs and path-traced scenes with truth: what must be found, and how well. Skipped where they are absent."""
+"""Real photographs and path-traced scenes with truth: what must be found, how well. Skipped where absent."""
 
 from __future__ import annotations
 
