@@ -42,7 +42,7 @@ _LEAST_PLACES = 60
 _SCATTERS = 3.5
 _LEAST_AGREEING = 0.3
 """Share of the rim that must lie on one ellipse."""
-_THIN_PLACES = 48
+_THIN_PLACES = 180
 _WORST_RMS = 0.25
 """Largest rms residual, as a share of the contrast, with which a fit to the levels is believed."""
 

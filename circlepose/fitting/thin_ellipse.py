@@ -45,7 +45,7 @@ _QUANTIZATION = 1.0 / 12.0
 """Variance of rounding to whole levels: the noise of an image without noise."""
 
 
-THIN_PX = 10.0
+THIN_PX = 14.0
 """Semi-minor axis below which the tips of an ellipse are a matter of blur."""
 _THIN_RATIO = 0.15
 
