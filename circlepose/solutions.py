@@ -30,7 +30,7 @@ def circle_results(
     """Return a result for each method, the candidates of a lone circle: nothing says yet which is right."""
     rays = camera.rays(rim.points)
     factor = settled_factor(rim)
-    reference = solve("chen-huang", factor, rays, radius_mm)
+    reference = solve("chen-huang", factor, rays, radius_mm) if len(methods) > 1 else None
     results = []
     for method in methods:
         solutions = solve(method, factor, rays, radius_mm)
@@ -47,7 +47,7 @@ def circle_results(
         if isinstance(solutions, str):
             results.append(replace(base, status=Status.NO_POSE, reason=solutions))
             continue
-        compared = reference if len(methods) > 1 and method != "chen-huang" else None
+        compared = None if method == "chen-huang" else reference
         candidates = _candidates(solutions, camera, compared)
         one = len(candidates) == 1
         results.append(
