@@ -143,9 +143,7 @@ def _pose(row: TableRow, names: dict[str, str], *, complete: bool) -> TabledPose
                 f"its length is {length:g}."
             )
         normal = (normal[0] / length, normal[1] / length, normal[2] / length)
-        if center is not None and sum(c * n for c, n in zip(center, normal, strict=True)) > _AWAY * math.hypot(
-            *center
-        ):
+        if center is not None and _points_away(normal, center):
             raise UsageError(
                 f"{row.where}: {names['normal_x']}: the normal points away from the camera; turn it round, "
                 "and see that centre and normal are in the camera's frame."
