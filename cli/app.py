@@ -16,6 +16,7 @@ import typer
 
 from circlepose import __version__
 from circlepose.errors import CircleposeError
+from circlepose.files.names import printable, redacted
 from circlepose_cli import debugging
 from circlepose_cli.camera import camera
 from circlepose_cli.check import check
@@ -93,7 +94,10 @@ def main(args: Sequence[str] | None = None) -> int:
 def _tell(message: str) -> None:
     if debugging.tracebacks_shown():
         traceback.print_exc()
-    print(f"circlepose: {message}", file=sys.stderr)
+    # A line end in a name must not begin a line that looks like one of ours.
+    lines = [printable(line) for line in redacted(message).split("\n")]
+    shown = [lines[0], *(line if line.startswith(" ") else f"  {line}" for line in lines[1:])]
+    print("circlepose: " + "\n".join(shown), file=sys.stderr)
 
 
 def _bug_report(error: Exception) -> str:

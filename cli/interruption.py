@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM as a clean end: what is measured is written, the rest is counted."""
+"""Ctrl-C, SIGTERM and a terminal that is closed as a clean end: what is measured is written, the rest counted."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from types import FrameType
 from typing import Self
 
 EXIT_CODE = 130
-_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+_NAMES = ("SIGINT", "SIGTERM", "SIGHUP")
 
 
 class Interruption:
@@ -23,11 +23,15 @@ class Interruption:
         self._waiting = False
 
     def __enter__(self) -> Self:
-        self._before = [signal.signal(number, self._note) for number in _SIGNALS]
+        self._before = {}
+        for number in (getattr(signal, name) for name in _NAMES if hasattr(signal, name)):
+            # nohup has asked for a run that outlives its terminal.
+            if not (number.name == "SIGHUP" and signal.getsignal(number) is signal.SIG_IGN):
+                self._before[number] = signal.signal(number, self._note)
         return self
 
     def __exit__(self, *_: object) -> None:
-        for number, handler in zip(_SIGNALS, self._before, strict=True):
+        for number, handler in self._before.items():
             signal.signal(number, handler)
 
     def _note(self, _number: int, _frame: FrameType | None) -> None:
@@ -40,6 +44,9 @@ class Interruption:
         """Mark work that a signal may end half-way."""
         self._waiting = True
         try:
+            if self.received:
+                # It came a moment ago, and nothing else would end the wait.
+                raise KeyboardInterrupt
             yield
         finally:
             self._waiting = False

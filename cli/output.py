@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TextIO
 
 from circlepose.files.layouts import DataFormat, write_results
+from circlepose.files.reference import Reference
 from circlepose.pose import ImageResult
 from circlepose_cli.options import FormatChoice, LayoutChoice
 
@@ -28,12 +29,18 @@ def choose_format(asked: FormatChoice | None, output: Path | None, *, to_termina
 
 
 def write_output(
-    results: Iterable[ImageResult], handle: TextIO, *, output_format: FormatChoice, layout: LayoutChoice
+    results: Iterable[ImageResult],
+    handle: TextIO,
+    *,
+    output_format: FormatChoice,
+    layout: LayoutChoice,
+    reference: Reference | None = None,
 ) -> None:
-    """Write `results` to `handle`."""
+    """Write `results` to `handle`; `reference` for the layout `table2`."""
     if output_format is FormatChoice.TABLE:
         from circlepose_cli.table import write_table  # noqa: PLC0415 - needs rich
 
-        write_table(results, handle, layout.value)
+        write_table(results, handle, layout.value, reference)
     else:
-        write_results(results, handle, data_format=_DATA_FORMATS[output_format], layout=layout.value)
+        data_format = _DATA_FORMATS[output_format]
+        write_results(results, handle, data_format=data_format, layout=layout.value, reference=reference)

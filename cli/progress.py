@@ -3,36 +3,56 @@
 from __future__ import annotations
 
 import sys
+import time
+import traceback
 from collections import Counter
-from collections.abc import Generator, Iterator
-from contextlib import AbstractContextManager, closing, contextmanager
+from collections.abc import Callable, Generator, Iterator
+from contextlib import AbstractContextManager, closing, contextmanager, suppress
 from typing import TYPE_CHECKING
 
+from circlepose.batch.resume import LOST
+from circlepose.files.names import printable, redacted
 from circlepose.pose import ImageResult, Status
+from circlepose_cli import debugging
 from circlepose_cli.interruption import Interruption
+from circlepose_cli.pace import Pace, duration
 
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
+
+_INTERVAL_S = 30.0
 
 
 class Reporter:
     """Counts results and tells a person about them."""
 
-    def __init__(self, *, quiet: bool, verbose: bool) -> None:
+    def __init__(self, *, quiet: bool, verbose: bool, clock: Callable[[], float] = time.monotonic) -> None:
         self.measured = 0
+        self.bugs = 0
         self.failures: Counter[str] = Counter()
         self._quiet = quiet
         self._verbose = verbose
+        self._clock = clock
+        self._total: int | None = None
+        self._pace = Pace(clock())
+        self._told_s = clock()
         self._bar: tuple[Progress, TaskID] | None = None
+
+    @property
+    def lost(self) -> int:
+        """How many images another try may still measure."""
+        return sum(self.failures[status] for status in LOST)
 
     @contextmanager
     def running(self, total: int | None, *, shows_bar: bool) -> Iterator[None]:
-        """Show a bar meanwhile, if standard error is a terminal."""
-        if self._quiet or not shows_bar or not sys.stderr.isatty():
+        """Show a bar meanwhile, if standard error is a terminal; else a line now and then."""
+        self._total = total
+        self._pace = Pace(self._clock())
+        if self._quiet or not shows_bar or sys.stderr is None or not sys.stderr.isatty():
             yield
             return
         with _new_bar() as bar:
-            self._bar = (bar, bar.add_task("measuring", total=total))
+            self._bar = (bar, bar.add_task("measuring", total=total, pace=""))
             try:
                 yield
             finally:
@@ -49,34 +69,66 @@ class Reporter:
         if result.rejected:
             counts = ", ".join(f"{reason} {number}" for reason, number in result.rejected.items())
             self.detail(f"{result.image}: contours not used: {counts}")
+        self._show_pace()
+
+    def bug(self, _image: str, error: Exception) -> None:
+        """Take note of a bug; the row of its image is counted like all others."""
+        self.bugs += 1
+        if debugging.tracebacks_shown():
+            for line in "".join(traceback.format_exception(error)).splitlines():
+                self.note(line)
+
+    def _show_pace(self) -> None:
+        now = self._clock()
+        self._pace.count(now)
         if self._bar is not None:
             bar, task = self._bar
-            bar.advance(task)
+            failed = f"failed: {self._kinds()}" if self.failures else ""
+            bar.update(task, advance=1, pace=f"{self._pace.per_second(now):.1f}/s  {failed}")
+        elif now - self._told_s >= _INTERVAL_S:
+            self._told_s = now
+            self.note(self._pace_line(now))
+
+    def _pace_line(self, now: float) -> str:
+        done = str(self._pace.done) if self._total is None else f"{self._pace.done} of {self._total}"
+        parts = [f"{done} done", f"{self._pace.per_second(now):.1f} a second"]
+        if self.failures:
+            parts.append(f"{self.failures.total()} failed ({self._kinds()})")
+        left = self._pace.left_s(now, self._total)
+        return ", ".join(parts if left is None else [*parts, f"{duration(left)} left"])
+
+    def _kinds(self) -> str:
+        return ", ".join(f"{status} {number}" for status, number in self.failures.most_common())
 
     def note(self, message: str) -> None:
-        """Say something, unless told to be quiet."""
-        if self._quiet:
+        """Say something, unless told to be quiet; a listener that has gone is no reason to end a run."""
+        if self._quiet or sys.stderr is None:
             return
-        shown = printable(message)
-        if self._bar is not None:
-            self._bar[0].console.print(shown, markup=False, highlight=False, soft_wrap=True)
-        else:
-            print(shown, file=sys.stderr, flush=True)
+        shown = printable(redacted(message))
+        with suppress(OSError):
+            if self._bar is not None:
+                self._bar[0].console.print(shown, markup=False, highlight=False, soft_wrap=True)
+            else:
+                # One piece, as threads speak here.
+                print(f"{shown}\n", end="", file=sys.stderr, flush=True)
 
     def detail(self, message: str) -> None:
         """Say something, if told to be verbose."""
         if self._verbose:
             self.note(message)
 
-    def summary(self, total: int | None, *, interrupted: bool) -> None:
-        """Say what became of all images."""
+    def summary(self, total: int | None, *, interrupted: bool, resumable: bool) -> None:
+        """Say what became of all images, and of a run that is not at its end how to go on."""
         failed = self.failures.total()
-        kinds = ", ".join(f"{status} {number}" for status, number in self.failures.most_common())
-        parts = [f"{self.measured} measured", f"{failed} failed ({kinds})" if failed else "0 failed"]
+        parts = [f"{self.measured} measured", f"{failed} failed ({self._kinds()})" if failed else "0 failed"]
         if interrupted:
             rest = "the rest" if total is None else str(total - self.measured - failed)
             parts.append(f"interrupted: {rest} not done")
         self.note(", ".join(parts))
+        if resumable:
+            self.note("the same command with --resume does only what is left")
+        if self.bugs:
+            self.note("internal_error is a bug: please report it with the command line and what --verbose shows")
 
 
 def follow(
@@ -84,7 +136,7 @@ def follow(
     reporter: Reporter,
     bar: AbstractContextManager[None],
     interruption: Interruption,
-) -> Iterator[ImageResult]:
+) -> Generator[ImageResult, None, None]:
     """Pass `results` on, telling of each and showing `bar` meanwhile, until they end or a signal ends them."""
     with bar, closing(results):
         while not interruption.received:
@@ -97,11 +149,6 @@ def follow(
                 return
             reporter.count(result)
             yield result
-
-
-def printable(message: str) -> str:
-    """Return `message` without what would steer a terminal, or break a line, or be no text."""
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in message)
 
 
 def _outcome(result: ImageResult) -> tuple[Status, str]:
@@ -123,6 +170,7 @@ def _new_bar() -> Progress:
         BarColumn(),
         MofNCompleteColumn(),
         TimeRemainingColumn(),
+        TextColumn("{task.fields[pace]}"),
         console=Console(stderr=True),
         transient=True,
         redirect_stdout=False,

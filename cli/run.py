@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
-import io
 import sys
-from collections.abc import Iterable, Iterator
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Generator, Iterable, Iterator
+from contextlib import closing, nullcontext
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import TextIO
 
-from circlepose.batch.local import MeasureOptions, WorkItem, measure_files
-from circlepose.files.atomic import atomic_writer
-from circlepose.files.inputs import STDIN, InputImage, expand_inputs
+from circlepose.batch.journal import Journal
+from circlepose.batch.local import MeasureOptions, WorkItem, available_cores, measure_files
+from circlepose.batch.resume import measure_with_journal
+from circlepose.errors import UsageError
+from circlepose.files.inputs import InputImage, are_streamed, expand_inputs
+from circlepose.files.reference import Reference, read_reference
+from circlepose.files.remote import Place
+from circlepose.pose import ImageResult
+from circlepose_cli.destination import open_journal, open_output
 from circlepose_cli.interruption import EXIT_CODE as INTERRUPTED
 from circlepose_cli.interruption import Interruption
+from circlepose_cli.lines import lines
 from circlepose_cli.options import ExtractionChoice, FormatChoice, LayoutChoice, MethodChoice, TargetOverrides
 from circlepose_cli.output import choose_format, write_output
 from circlepose_cli.overlay_names import OverlayNames
@@ -22,6 +28,7 @@ from circlepose_cli.progress import Reporter, follow
 from circlepose_cli.setup import Setup, Setups
 
 SOME_FAILED = 3
+BUG = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,9 +48,12 @@ class Request:
     scale_calibration: bool
     output_format: FormatChoice | None
     layout: LayoutChoice
+    reference: Path | None
     output: Path | None
     overlay: Path | None
     jobs: int | None
+    timeout_s: float | None
+    resume: bool
     quiet: bool
     verbose: bool
 
@@ -59,7 +69,10 @@ def run(request: Request) -> int:
         overrides=request.overrides,
         tell=lambda folder, setup: _tell_setup(reporter, folder, setup),
     )
+    reference = _reference(request)
     images, total = _images(request, setups)
+    if reference is not None and total is not None:
+        _check_reference(reference, request, images)
     overlays = None if request.overlay is None else OverlayNames(request.overlay, images if total else ())
     items = _work_items(images, setups, overlays)
     options = MeasureOptions(
@@ -69,26 +82,66 @@ def run(request: Request) -> int:
     output_format = choose_format(request.output_format, request.output, to_terminal=to_terminal)
     # Rows that go to the terminal one by one would tear a bar.
     shows_bar = not (to_terminal and output_format is not FormatChoice.TABLE)
-    with _output(request.output) as handle, Interruption() as interruption:
-        bar = reporter.running(total, shows_bar=shows_bar)
-        results = follow(measure_files(items, options, request.jobs), reporter, bar, interruption)
-        write_output(results, handle, output_format=output_format, layout=request.layout)
-    reporter.summary(total, interrupted=interruption.received)
+    with open_journal(request.output, options, resume=request.resume) or nullcontext() as journal:
+        if journal is not None and journal.discarded:
+            reporter.note(f"{journal.path}: was left by an unfinished run; it is begun anew, without --resume")
+        with open_output(request.output, journal) as handle, Interruption() as interruption:
+            bar = reporter.running(total, shows_bar=shows_bar)
+            measured = _measured(items, options, request, reporter, journal, total)
+            with closing(follow(measured, reporter, bar, interruption)) as results:
+                write_output(results, handle, output_format=output_format, layout=request.layout, reference=reference)
+        is_done = not (interruption.received or reporter.lost)
+        if journal is not None and is_done:
+            journal.remove()
+    reporter.summary(total, interrupted=interruption.received, resumable=journal is not None and not is_done)
     if interruption.received:
         return INTERRUPTED
+    if reporter.bugs:
+        return BUG
     return SOME_FAILED if reporter.failures else 0
 
 
+def _measured(
+    items: Iterable[WorkItem],
+    options: MeasureOptions,
+    request: Request,
+    reporter: Reporter,
+    journal: Journal | None,
+    total: int | None,
+) -> Generator[ImageResult, None, None]:
+    # A stream may be slow or endless: without workers a silent producer would hold back what is done.
+    jobs = available_cores() if total is None and request.jobs is None else request.jobs
+    measure = partial(measure_files, options=options, jobs=jobs, timeout_s=request.timeout_s, on_bug=reporter.bug)
+    return measure(items) if journal is None else measure_with_journal(items, journal, measure)
+
+
 def _images(request: Request, setups: Setups) -> tuple[Iterable[InputImage], int | None]:
-    """Return the images and, unless they come on standard input, their number, once all have a setup."""
-    stdin = sys.stdin.buffer if sys.stdin else None
+    """Return the images and, unless they come as a stream, their number, once all have a setup."""
+    stdin = lines(sys.stdin.buffer) if sys.stdin else None
     images = expand_inputs(request.inputs, stdin, request.recursive)
-    if STDIN in request.inputs:
+    if are_streamed(request.inputs):
         return images, None
     known = list(images)
     for image in known:
         setups.for_image(image.path)
     return known, len(known)
+
+
+def _reference(request: Request) -> Reference | None:
+    if request.reference is None:
+        return None
+    if request.layout is not LayoutChoice.TABLE2:
+        raise UsageError("--reference: goes with --layout table2; circlepose check compares whole tables.")
+    return read_reference(request.reference)
+
+
+def _check_reference(reference: Reference, request: Request, images: Iterable[InputImage]) -> None:
+    names = [image.name for image in images]
+    if not any(reference.knows(name) for name in names):
+        ours, theirs = names[0], next(iter(reference.by_image), "none")
+        raise UsageError(
+            f"--reference: {request.reference} has none of the images; it names {theirs}, they are {ours}."
+        )
 
 
 def _work_items(images: Iterable[InputImage], setups: Setups, overlays: OverlayNames | None) -> Iterator[WorkItem]:
@@ -98,16 +151,7 @@ def _work_items(images: Iterable[InputImage], setups: Setups, overlays: OverlayN
         yield WorkItem(image.path, image.name, setup.camera_file.camera, setup.target, overlay)
 
 
-def _output(path: Path | None) -> AbstractContextManager[TextIO]:
-    if path is not None:
-        return atomic_writer(path)
-    if isinstance(sys.stdout, io.TextIOWrapper):
-        # The same bytes whatever the locale; line ends as in a file.
-        sys.stdout.reconfigure(encoding="utf-8", newline="")
-    return nullcontext(sys.stdout)
-
-
-def _tell_setup(reporter: Reporter, folder: Path, setup: Setup) -> None:
+def _tell_setup(reporter: Reporter, folder: Place, setup: Setup) -> None:
     for note in setup.camera_file.notes:
         reporter.note(f"{setup.camera_file.path}: {note}.")
     reporter.detail(f"{folder}: camera {setup.camera_file.path}, target {setup.target_origin}")

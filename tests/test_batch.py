@@ -10,10 +10,11 @@ import pytest
 from circlepose import pipeline
 from circlepose.batch import local
 from circlepose.batch.local import MeasureOptions, WorkItem, measure_file, measure_files
+from circlepose.batch.pool import Failed, Loss, Lost
 from circlepose.camera import Camera
 from circlepose.errors import ArgumentError, OutputError
 from circlepose.files.records import dumps, image_record
-from circlepose.pose import Status
+from circlepose.pose import ImageResult, Status
 from circlepose.target import Target
 from discs import CAMERA, CENTER_MM, RADIUS_MM, write_disc
 
@@ -69,75 +70,85 @@ def test_a_bug_is_told_with_the_images_name(item, monkeypatch):
 
     monkeypatch.setattr(pipeline, "estimate", broken)
     with pytest.raises(RuntimeError, match=r"disc\.png: ZeroDivisionError: oh"):
-        list(measure_files([item], OPTIONS, jobs=1))
+        list(measure_files([item], OPTIONS))
+    told = []
+    results = list(measure_files([item], OPTIONS, on_bug=lambda name, error: told.append((name, str(error)))))
+    assert [(r.status, r.reason) for r in results] == [(Status.INTERNAL_ERROR, "ZeroDivisionError: oh")]
+    assert told == [("disc.png", "while measuring disc.png: ZeroDivisionError: oh")]
+
+
+def test_memory_that_runs_out_costs_the_image(item, monkeypatch):
+    def greedy(*_, **__):
+        raise cv2.error("Insufficient memory")
+
+    def greedier(*_, **__):
+        raise MemoryError
+
+    monkeypatch.setattr(pipeline, "estimate", greedier)
+    assert [r.status for r in measure_files([item], OPTIONS)] == [Status.WORKER_DIED]
+    monkeypatch.setattr(pipeline, "estimate", greedy)
+    monkeypatch.setattr(cv2.error, "code", cv2.Error.StsNoMem, raising=False)
+    assert [r.status for r in measure_files([item], OPTIONS)] == [Status.WORKER_DIED]
 
 
 def test_misuse_is_not_a_bug(item):
     with pytest.raises(ArgumentError, match="method"):
-        list(measure_files([item], MeasureOptions(method="guess"), jobs=1))
+        list(measure_files([item], MeasureOptions(method="guess"), on_bug=lambda *_: None))
     with pytest.raises(ArgumentError, match="jobs"):
         list(measure_files([item], OPTIONS, jobs=0))
+    with pytest.raises(ArgumentError, match="timeout_s"):
+        list(measure_files([item], OPTIONS, timeout_s=0))
 
 
 def test_jobs_change_neither_results_nor_their_order(item, tmp_path):
     bad = tmp_path / "bad.png"
     bad.write_bytes(b"")
-    items = [item, item_for(bad), *(replace(item, name=f"{i}.png") for i in range(7))]
-    texts = [[dumps(image_record(result)) for result in measure_files(iter(items), OPTIONS, jobs)] for jobs in (1, 2)]
-    assert texts[0] == texts[1]
-    assert [text.split('"')[3] for text in texts[0]] == [each.name for each in items]
-
-
-def test_items_are_taken_only_as_they_are_needed(item):
-    taken = []
-
-    def stream():
-        for number in range(1000):
-            taken.append(number)
-            yield item
-
-    results = measure_files(stream(), OPTIONS, jobs=1)
-    next(results)
-    assert len(taken) == 1
-    results.close()
+    known = ImageResult("known.png", Status.NO_CIRCLE, "as before")
+    items = [item, item_for(bad), known, *(replace(item, name=f"{i}.png") for i in range(4)), item]
+    here, there = (list(measure_files(iter(items), OPTIONS, jobs)) for jobs in (None, 2))
+    assert [dumps(image_record(result)) for result in there] == [dumps(image_record(result)) for result in here]
+    assert [result.image for result in there] == [getattr(each, "name", "known.png") for each in items]
 
 
 def test_few_images_start_no_worker(item, monkeypatch):
-    monkeypatch.setattr(local, "ProcessPoolExecutor", None)
+    monkeypatch.setattr(local, "run_in_workers", None)
+    assert len(list(measure_files([item] * local.IN_PROCESS_MOST, OPTIONS))) == local.IN_PROCESS_MOST
+
+
+@pytest.mark.parametrize(
+    ("count", "changes"), [(local.IN_PROCESS_MOST + 1, {}), (1, {"jobs": 1}), (1, {"timeout_s": 9})]
+)
+def test_many_images_jobs_and_time_limits_are_for_workers(item, monkeypatch, count, changes):
+    def run_in_workers(function, items, *, jobs, timeout_s, window):
+        assert (jobs, timeout_s) == (changes.get("jobs", 4), changes.get("timeout_s", local.DEFAULT_TIMEOUT_S))
+        assert window >= 2 * jobs
+        return (item.name for item in items)
+
+    monkeypatch.setattr(local, "run_in_workers", run_in_workers)
     monkeypatch.setattr(local, "available_cores", lambda: 4)
-    assert len(list(measure_files([item] * local.IN_PROCESS_FIRST, OPTIONS))) == local.IN_PROCESS_FIRST
+    assert list(measure_files([item] * count, OPTIONS, **changes)) == [item.name] * count
 
 
-class FakePool:
-    """Stands in for the pool: measures at once, and counts what is in flight."""
-
-    def __init__(self, *_, **__):
-        self.submitted = 0
-
-    def submit(self, function, *arguments):
-        self.submitted += 1
-        future = local.Future()
-        future.set_result(function(*arguments))
-        return future
-
-    def shutdown(self, **_):
-        pass
-
-
-def test_what_is_in_flight_is_bounded(item, monkeypatch):
-    pool = FakePool()
-    monkeypatch.setattr(local, "ProcessPoolExecutor", lambda *_, **__: pool)
-    monkeypatch.setattr(local, "measure_file", lambda item, options: item.name)
-    results = measure_files(iter([item] * 1000), OPTIONS, jobs=2)
-    for done in range(1, 11):
-        next(results)
-        assert pool.submitted <= done + 2 * local.IN_FLIGHT_PER_JOB
-    assert len(list(results)) == 990
+def test_what_workers_say_becomes_results(item, monkeypatch):
+    error = RuntimeError("while measuring disc.png: ValueError: oh")
+    outcomes = [Lost(item, Loss.DIED, "killed by SIGKILL"), Lost(item, Loss.TIMED_OUT, ""), Failed(item, error)]
+    monkeypatch.setattr(local, "run_in_workers", lambda *_, **__: (outcome for outcome in outcomes))
+    results = list(measure_files([item], OPTIONS, jobs=1, timeout_s=7, on_bug=lambda *_: None))
+    assert [(r.image, r.status, r.reason) for r in results] == [
+        ("disc.png", Status.WORKER_DIED, "its worker process died twice (killed by SIGKILL)"),
+        ("disc.png", Status.TIMED_OUT, "was not measured within 7 s"),
+        ("disc.png", Status.INTERNAL_ERROR, "ValueError: oh"),
+    ]
+    with pytest.raises(RuntimeError, match="oh"):
+        list(measure_files([item], OPTIONS, jobs=1))
+    outcomes[:] = [Failed(item, OutputError("overlay: is full."))]
+    with pytest.raises(OutputError):
+        list(measure_files([item], OPTIONS, jobs=1, on_bug=lambda *_: None))
 
 
 def test_threads_of_opencv_are_as_before(item):
     before = cv2.getNumThreads()
-    list(measure_files([item], OPTIONS, jobs=1))
+    list(measure_files([item], OPTIONS))
     assert cv2.getNumThreads() == before
 
 

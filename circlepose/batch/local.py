@@ -1,45 +1,47 @@
 """Many image files on one machine: worker processes, results in input order, bounded memory.
 
 The results do not depend on the number of jobs: each image is measured alone and by a single thread.
+An image that crashes or blocks its worker costs itself a row that says so, never the run.
 """
 
 from __future__ import annotations
 
-import multiprocessing
-import multiprocessing.connection
 import os
-import signal
-import threading
-from collections import deque
-from collections.abc import Generator, Iterable, Iterator
-from concurrent.futures import Future, ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from collections.abc import Callable, Generator, Iterable, Iterator
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
-from itertools import islice
+from functools import partial
+from itertools import chain, islice
 from pathlib import Path
+from typing import TypeAlias
 
 import cv2
 
 from circlepose import pipeline
 from circlepose._typing import Image
+from circlepose.batch.pool import Failed, Known, Loss, Lost, run_in_workers
 from circlepose.camera import Camera
 from circlepose.errors import ArgumentError, CircleposeError, ImageError
 from circlepose.files.images import read_image, write_image
+from circlepose.files.remote import Place
 from circlepose.pose import ImageResult, Status
 from circlepose.target import Target
 
-IN_PROCESS_FIRST = 8
-"""Images that an automatic number of jobs measures before it starts workers, which takes about as long."""
-IN_FLIGHT_PER_JOB = 3
-"""Images handed out per worker: one at work, the others so that none waits for the slowest."""
+IN_PROCESS_MOST = 8
+"""Images that an automatic number of jobs measures without starting a worker, which takes about as long."""
+IN_FLIGHT_PER_JOB = 32
+"""Images handed out, or done but not due, per worker: so many that one slow image does not stop the others."""
+DEFAULT_TIMEOUT_S = 120.0
+
+BugReport: TypeAlias = Callable[[str, Exception], None]
+"""is told the name of an image and what was raised there"""
 
 
 @dataclass(frozen=True, slots=True)
 class WorkItem:
     """One image file and what is needed to measure it."""
 
-    path: Path
+    path: Place
     name: str
     """under which the image is reported"""
     camera: Camera
@@ -70,8 +72,12 @@ def measure_file(item: WorkItem, options: MeasureOptions) -> ImageResult:
     """
     try:
         return _measure_file(item, options)
-    except CircleposeError:
+    except (CircleposeError, MemoryError):
         raise
+    except cv2.error as error:
+        if error.code == cv2.Error.StsNoMem:
+            raise MemoryError(str(error)) from error
+        raise RuntimeError(f"while measuring {item.name}: {error}") from error
     except Exception as error:
         raise RuntimeError(f"while measuring {item.name}: {type(error).__name__}: {error}") from error
 
@@ -111,33 +117,51 @@ def _write_overlay(path: Path, image: Image, result: ImageResult, camera: Camera
 
 
 def measure_files(
-    items: Iterable[WorkItem], options: MeasureOptions, jobs: int | None = None
+    items: Iterable[WorkItem | ImageResult],
+    options: MeasureOptions,
+    jobs: int | None = None,
+    timeout_s: float | None = None,
+    on_bug: BugReport | None = None,
 ) -> Generator[ImageResult, None, None]:
     """Measure `items`, yielding results in their order, each as soon as it and those before it are there.
 
     Parameters
     ----------
     items
-        Taken only a few ahead of the results, so that a stream of any length fits in memory. With several
-        jobs a slow stream therefore delays its results; use one job on a live stream.
+        Files to measure; a result among them is passed on in its place. They are taken only a little ahead of
+        the results, so that a stream of any length fits in memory; where there are workers, by a thread, so that
+        a slow stream delays no result.
     options
         The same for all items.
     jobs
-        Worker processes. 1 measures in this process; None starts one a core where there are more than a few
-        images. Workers are spawned, so a script that asks for them needs the usual `__main__` guard.
+        Worker processes. None starts one a core where there are more than a few images, and else measures in
+        this process. Workers are spawned, so a script that asks for them needs the usual `__main__` guard.
+    timeout_s
+        Time for one image, in s; if it takes longer, its status is `timed_out`. None is `DEFAULT_TIMEOUT_S` for
+        workers; without workers, time is not limited, so that a number asks for workers.
+    on_bug
+        Where given, a bug is told there and becomes the status `internal_error` of its image.
+
+    Raises
+    ------
+    CircleposeError
+        On misuse: contradicting options, an overlay that cannot be written.
+    RuntimeError
+        On a bug, unless there is `on_bug`; its text names the image.
     """
     if jobs is not None and jobs < 1:
         raise ArgumentError(f"jobs: expected at least 1, got {jobs}.")
+    if timeout_s is not None and not timeout_s > 0.0:
+        raise ArgumentError(f"timeout_s: expected a positive time in s, got {timeout_s:g}.")
     remaining = iter(items)
-    cores = available_cores()
-    if jobs is None:
-        yield from _measure_here(islice(remaining, IN_PROCESS_FIRST) if cores > 1 else remaining, options)
-    if (jobs or cores) == 1:
-        yield from _measure_here(remaining, options)
-        return
-    # No worker is started for nothing.
-    for first in islice(remaining, 1):
-        yield from _measure_in_workers(first, remaining, options, jobs or cores)
+    if jobs is None and timeout_s is None:
+        first = list(islice(remaining, IN_PROCESS_MOST + 1))
+        if len(first) <= IN_PROCESS_MOST:
+            yield from _measure_here(first, options, on_bug)
+            return
+        remaining = chain(first, remaining)
+    jobs = jobs or available_cores()
+    yield from _measure_in_workers(remaining, options, jobs, timeout_s or DEFAULT_TIMEOUT_S, on_bug)
 
 
 def available_cores() -> int:
@@ -147,10 +171,20 @@ def available_cores() -> int:
     return os.cpu_count() or 1
 
 
-def _measure_here(items: Iterable[WorkItem], options: MeasureOptions) -> Iterator[ImageResult]:
+def _measure_here(
+    items: Iterable[WorkItem | ImageResult], options: MeasureOptions, on_bug: BugReport | None
+) -> Iterator[ImageResult]:
     for item in items:
-        with _single_thread():
-            result = measure_file(item, options)
+        if isinstance(item, ImageResult):
+            yield item
+            continue
+        try:
+            with _single_thread():
+                result = measure_file(item, options)
+        except MemoryError:
+            result = ImageResult(item.name, Status.WORKER_DIED, "memory ran out")
+        except RuntimeError as error:
+            result = _result_of_bug(item, error, on_bug)
         yield result
 
 
@@ -165,36 +199,44 @@ def _single_thread() -> Iterator[None]:
 
 
 def _measure_in_workers(
-    first: WorkItem, rest: Iterator[WorkItem], options: MeasureOptions, jobs: int
+    items: Iterable[WorkItem | ImageResult],
+    options: MeasureOptions,
+    jobs: int,
+    timeout_s: float,
+    on_bug: BugReport | None,
 ) -> Iterator[ImageResult]:
-    context = multiprocessing.get_context("spawn")
-    executor = ProcessPoolExecutor(jobs, mp_context=context, initializer=_start_worker)
-    in_flight: deque[tuple[WorkItem, Future[ImageResult]]] = deque()
-    try:
-        in_flight.append((first, executor.submit(measure_file, first, options)))
-        while in_flight:
-            for item in islice(rest, jobs * IN_FLIGHT_PER_JOB - len(in_flight)):
-                in_flight.append((item, executor.submit(measure_file, item, options)))
-            item, future = in_flight.popleft()
-            try:
-                result = future.result()
-            except BrokenProcessPool as error:
-                raise RuntimeError(f"a worker process died while measuring {item.name} or one of the next") from error
-            yield result
-    finally:
-        executor.shutdown(wait=True, cancel_futures=True)
+    outcomes = run_in_workers(
+        partial(_measure_alone, options=options),
+        (Known(item) if isinstance(item, ImageResult) else item for item in items),
+        jobs=jobs,
+        timeout_s=timeout_s,
+        window=jobs * IN_FLIGHT_PER_JOB,
+    )
+    with closing(outcomes):
+        for outcome in outcomes:
+            if isinstance(outcome, Lost):
+                yield _result_of_loss(outcome, timeout_s)
+            elif isinstance(outcome, Failed):
+                yield _result_of_bug(outcome.item, outcome.error, on_bug)
+            else:
+                yield outcome
 
 
-def _start_worker() -> None:
-    """Make a worker leave signals to its parent and end with it, and use one thread: a core is all it has."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+def _measure_alone(item: WorkItem, options: MeasureOptions) -> ImageResult:
+    """Measure in a worker by one thread: a core is all it has."""
     cv2.setNumThreads(1)
+    return measure_file(item, options)
 
 
-def _end_with_parent() -> None:
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        multiprocessing.connection.wait([parent.sentinel])
-        os._exit(1)
+def _result_of_loss(lost: Lost[WorkItem], timeout_s: float) -> ImageResult:
+    if lost.loss is Loss.TIMED_OUT:
+        return ImageResult(lost.item.name, Status.TIMED_OUT, f"was not measured within {timeout_s:g} s")
+    return ImageResult(lost.item.name, Status.WORKER_DIED, f"its worker process died twice ({lost.detail})")
+
+
+def _result_of_bug(item: WorkItem, error: Exception, on_bug: BugReport | None) -> ImageResult:
+    if on_bug is None or isinstance(error, CircleposeError):
+        raise error
+    on_bug(item.name, error)
+    reason = str(error).removeprefix(f"while measuring {item.name}: ")
+    return ImageResult(item.name, Status.INTERNAL_ERROR, reason)

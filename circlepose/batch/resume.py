@@ -1,0 +1,146 @@
+"""Which images need not be measured again: those whose file, camera and target are what they were."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
+from contextlib import closing
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+from hashlib import blake2b
+from pathlib import Path
+from typing import TypeAlias
+
+import cv2
+import numpy as np
+import scipy
+
+from circlepose import __version__
+from circlepose.batch.journal import Journal
+from circlepose.batch.local import MeasureOptions, WorkItem
+from circlepose.camera import Camera
+from circlepose.errors import UsageError
+from circlepose.files.stored_result import plain_result, restored_result
+from circlepose.pose import ImageResult, Status
+from circlepose.target import Target
+
+Measure: TypeAlias = Callable[[Iterable[WorkItem | ImageResult]], Generator[ImageResult, None, None]]
+
+LOST = frozenset({Status.TIMED_OUT, Status.WORKER_DIED})
+"""outcomes that another try may change"""
+_NOT_KEPT = LOST | {Status.UNREADABLE, Status.INTERNAL_ERROR}
+
+
+@dataclass(frozen=True, slots=True)
+class _Entry:
+    """What the result of an image depends on, besides the conditions of the run."""
+
+    image: str
+    path: str
+    size: int
+    mtime_ns: int
+    overlay: str | None
+    camera: str
+    """digest"""
+    target: str
+    """digest"""
+
+    @property
+    def key(self) -> str:
+        return f"{self.image}\0{self.path}"
+
+
+def conditions(options: MeasureOptions) -> Mapping[str, str]:
+    """Return, by name, what all results of a run depend on."""
+    return {
+        "circlepose": __version__,
+        "numpy": np.__version__,
+        "scipy": scipy.__version__,
+        "opencv": cv2.__version__,
+        **{name: str(value) for name, value in asdict(options).items()},
+    }
+
+
+def measure_with_journal(
+    items: Iterable[WorkItem], journal: Journal, measure: Measure
+) -> Generator[ImageResult, None, None]:
+    """Yield the results of all `items` in their order: those in `journal` from there, the others from `measure`.
+
+    What is measured is added to the journal before it is yielded, except what another try may change. Raises
+    `UsageError` at an image that was finished with another camera or target: a table must not mix them.
+    """
+    begun: deque[_Entry | None] = deque()
+
+    def still_to_measure() -> Iterator[WorkItem | ImageResult]:
+        for item in items:
+            # Before the image is read: a file that changes meanwhile is measured again next time.
+            entry = _entry(item)
+            known = None if entry is None else _finished(entry, item, journal)
+            begun.append(entry if known is None else None)
+            yield item if known is None else known
+
+    with closing(measure(still_to_measure())) as results:
+        for result in results:
+            entry = begun.popleft()
+            if entry is not None and result.status not in _NOT_KEPT:
+                journal.add(entry.key, {**asdict(entry), "result": plain_result(result)})
+            yield result
+
+
+def _entry(item: WorkItem) -> _Entry | None:
+    try:
+        stat = item.path.stat()
+    except (OSError, ValueError):
+        return None
+    return _Entry(
+        image=item.name,
+        path=str(item.path),
+        size=stat.st_size,
+        mtime_ns=stat.st_mtime_ns,
+        overlay=None if item.overlay is None else str(item.overlay),
+        camera=_camera_digest(item.camera),
+        target=_target_digest(item.target),
+    )
+
+
+def _finished(entry: _Entry, item: WorkItem, journal: Journal) -> ImageResult | None:
+    """Return the result of an image that is finished and has not changed."""
+    values = journal.find(entry.key)
+    if values is None:
+        return None
+    try:
+        before = _Entry(**{name: values[name] for name in _Entry.__slots__})  # type: ignore[arg-type]
+        result = restored_result(values["result"])
+    except (KeyError, ValueError):
+        return None
+    if before.key != entry.key:
+        return None
+    for what in ("camera", "target"):
+        if getattr(before, what) != getattr(entry, what):
+            raise UsageError(
+                f"{journal.path}: {item.name} was measured with another {what}. Go on with the {what} that the run "
+                "was begun with, or leave out --resume to measure all images again."
+            )
+    if before != entry or (item.overlay is not None and not item.overlay.exists()):
+        return None
+    return result
+
+
+@lru_cache(maxsize=64)
+def _camera_digest(camera: Camera) -> str:
+    numbers = (camera.camera_matrix.tolist(), camera.dist_coeffs.tolist(), camera.image_size, camera.model)
+    return _digest(repr(numbers))
+
+
+@lru_cache(maxsize=64)
+def _target_digest(target: Target) -> str:
+    return _digest(repr(target))
+
+
+def _digest(text: str) -> str:
+    return blake2b(text.encode(), digest_size=8).hexdigest()
+
+
+def journal_path(place: Path) -> Path:
+    """Return where the journal of the output `place` is."""
+    return place.with_name(f"{place.name}.journal")

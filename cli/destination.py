@@ -1,0 +1,44 @@
+"""Where the results go: standard output, or a file with, as long as a run is not at its end, a journal beside it."""
+
+from __future__ import annotations
+
+import io
+import os
+import sys
+from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
+from typing import TextIO
+
+from circlepose.batch.journal import Journal
+from circlepose.batch.local import MeasureOptions
+from circlepose.batch.resume import conditions, journal_path
+from circlepose.errors import UsageError
+from circlepose.files.atomic import atomic_writer
+
+
+def open_journal(output: Path | None, options: MeasureOptions, *, resume: bool) -> Journal | None:
+    """Open the journal of `output`; None where that is no regular file, which cannot be gone on with.
+
+    Raises `UsageError` for a run that cannot be resumed.
+    """
+    if output is None:
+        if resume:
+            raise UsageError("--resume: needs -o FILE, beside which is kept what is finished.")
+        return None
+    place = Path(os.path.realpath(output))
+    if os.path.exists(place) and not os.path.isfile(place):  # noqa: PTH110, PTH113 - never raise
+        if resume:
+            raise UsageError(f"--resume: {output} is no regular file, so nothing is kept beside it.")
+        return None
+    return Journal(journal_path(place), conditions(options), resume=resume, output=str(output))
+
+
+def open_output(output: Path | None, journal: Journal | None) -> AbstractContextManager[TextIO]:
+    """Open `output`, which appears when it is complete, or standard output."""
+    if output is not None:
+        # The journal's lock keeps the name for this run; what a killed one left there is overwritten.
+        return atomic_writer(output, temporary=None if journal is None else journal.path.with_suffix(".part"))
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        # The same bytes whatever the locale; line ends as in a file.
+        sys.stdout.reconfigure(encoding="utf-8", newline="")
+    return nullcontext(sys.stdout)

@@ -1,0 +1,77 @@
+from __future__ import annotations
+
+import io
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from circlepose import pipeline
+from circlepose.files.layouts import LAYOUTS, write_results
+from circlepose.files.stored_result import plain_result, restored_result
+from circlepose.pose import Candidate, ImageResult, Status
+from circlepose.target import Target
+from discs import CAMERA, RADIUS_MM, disc_image, made_circle, made_result
+
+
+def stored(result: ImageResult) -> ImageResult:
+    return restored_result(json.loads(json.dumps(plain_result(result))))
+
+
+def texts(*results: ImageResult) -> list[str]:
+    """All that can be written of results."""
+    written = []
+    for data_format in ("csv", "json", "jsonl"):
+        for layout in LAYOUTS:
+            handle = io.StringIO()
+            write_results(results, handle, data_format=data_format, layout=layout)
+            written.append(handle.getvalue())
+    return written
+
+
+@pytest.mark.parametrize("method", ["chen-huang", "all"])
+def test_a_measured_result_is_written_the_same(method):
+    result = pipeline.estimate(disc_image(), CAMERA, Target.circle(RADIUS_MM), method=method, name="a.png")
+    assert result.status is Status.OK
+    assert texts(stored(result)) == texts(result)
+    assert stored(result).rejected == result.rejected
+
+
+def test_results_without_a_pose_are_written_the_same():
+    results = [
+        ImageResult("caf\udce9.png", Status.UNREADABLE, "there is no such file"),
+        ImageResult("", Status.NO_CIRCLE, "nothing\nthere", image_size=(3, 2), rejected={"small": 3}),
+        made_result(made_circle(), replace(made_circle(1), candidates=(), status=Status.NO_POSE, reason="none")),
+    ]
+    assert texts(*map(stored, results)) == texts(*results)
+    assert [stored(each).image_size for each in results] == [None, (3, 2), (320, 240)]
+
+
+@given(st.lists(st.floats(width=64), min_size=8, max_size=8), st.floats())
+def test_numbers_are_kept_to_the_last_bit(values, residual):
+    candidate = Candidate(np.array(values[:3]), np.array(values[3:6]), np.array(values[6:]))
+    result = made_result(replace(made_circle(), candidates=(candidate,), residual_px=residual))
+    circle = stored(result).circles[0]
+    for name in ("center", "normal", "imaged_center"):
+        before, after = getattr(candidate, name), getattr(circle.candidates[0], name)
+        assert np.array_equal(before.view(np.int64), after.view(np.int64)) or np.isnan(before).any()
+        assert np.array_equal(before, after, equal_nan=True)
+    assert np.array_equal(circle.residual_px, residual, equal_nan=True)
+
+
+def test_contours_are_left_out_and_all_else_is_kept():
+    circle = made_circle(covariance=np.eye(5))
+    after = stored(made_result(circle)).circles[0]
+    assert after.contour is None
+    assert after.flags == circle.flags
+    assert after.cone is circle.cone
+    assert np.array_equal(after.candidates[0].covariance, np.eye(5))
+
+
+@pytest.mark.parametrize("plain", [None, 3, [], {"image": "a", "status": "odd"}, {"images": "a"}, {"circles": 3}])
+def test_what_is_no_stored_result_is_refused(plain):
+    with pytest.raises(ValueError, match=r"stored result|Status"):
+        restored_result(plain)
