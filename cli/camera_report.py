@@ -12,6 +12,7 @@ import numpy as np
 from circlepose._typing import FloatArray
 from circlepose.camera import Camera
 from circlepose.files.camera_file import CameraFile
+from circlepose.files.names import printable
 
 SCHEMA = "circlepose.camera/1"
 CONVENTION = "an integer pixel coordinate is a pixel's centre; (0, 0) is the centre of the top left pixel"
@@ -153,7 +154,7 @@ def report_text(report: CameraReport) -> str:
     lines.append(("pixels", CONVENTION))
     lines += [("note", note) for note in report.notes]
     lines += [("warning", warning) for warning in report.warnings]
-    return "\n".join(f"{name:<16} {value}" for name, value in lines)
+    return "\n".join(f"{name:<16} {printable(value)}" for name, value in lines)
 
 
 def _model(report: CameraReport) -> str:

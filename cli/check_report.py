@@ -9,9 +9,9 @@ from typing import TextIO
 from circlepose import __version__
 from circlepose.compare import Comparison, Difference, Tolerance
 from circlepose.files import records, tables
+from circlepose.files.names import printable
 from circlepose.pose import Status
 from circlepose_cli.options import FormatChoice
-from circlepose_cli.progress import printable
 
 SCHEMA = "circlepose.check/1"
 COLUMNS = tuple(Difference.__dataclass_fields__)
@@ -51,9 +51,7 @@ def _write_csv(comparison: Comparison, handle: TextIO) -> None:
     writer = csv.writer(handle, lineterminator="\n")
     writer.writerow(COLUMNS)
     for difference in comparison.differences:
-        fields = asdict(difference)
-        cells = ((value, tables.cell(column, value)) for column, value in fields.items())
-        writer.writerow([tables.spreadsheet_text(cell) if isinstance(value, str) else cell for value, cell in cells])
+        writer.writerow([tables.csv_cell(column, value) for column, value in asdict(difference).items()])
 
 
 def _write_table(comparison: Comparison, handle: TextIO) -> None:

@@ -12,11 +12,11 @@ from circlepose.compare import CHANGE_MEANING, CandidateChoice, Comparison, Tole
 from circlepose.errors import ArgumentError, UsageError
 from circlepose.files.atomic import atomic_writer
 from circlepose.files.inputs import STDIN
+from circlepose.files.names import printable
 from circlepose.files.pose_table import PoseFile, read_pose_file
 from circlepose_cli.check_report import write_comparison
 from circlepose_cli.options import FormatChoice
 from circlepose_cli.output import choose_format
-from circlepose_cli.progress import printable
 
 OUTSIDE_TOLERANCE = 4
 

@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeAlias
 
 import typer
 
@@ -58,11 +58,23 @@ class LayoutChoice(StrEnum):
     TABLE2 = "table2"
 
 
+class SideChoice(StrEnum):
+    """Sides that a surface can face; `circlepose.target_hints.SIDES`."""
+
+    LEFT = "left"
+    RIGHT = "right"
+    UP = "up"
+    DOWN = "down"
+
+
 class ReportFormat(StrEnum):
     """Forms of a report on one thing."""
 
     TEXT = "text"
     JSON = "json"
+
+
+Vector: TypeAlias = tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +87,11 @@ class TargetOverrides:
     major_px: tuple[float, float] | None = None
     minor_px: tuple[float, float] | None = None
     coplanar: bool | None = None
+    normal: Vector | None = None
+    normal_spread_deg: float | None = None
+    up: Vector | None = None
+    up_spread_deg: float | None = None
+    facing: SideChoice | Vector | None = None
 
 
 def parse_count(text: str | None) -> int | Literal["all"] | None:
@@ -86,6 +103,13 @@ def parse_count(text: str | None) -> int | Literal["all"] | None:
     if text.isdecimal() and int(text) >= 1:
         return int(text)
     raise UsageError(f"--count: expected a whole number of at least 1, or all, got {text!r}.")
+
+
+def check_timeout(seconds: float | None) -> float | None:
+    """Return a positive time in s; raises `UsageError`."""
+    if seconds is not None and not 0.0 < seconds < math.inf:
+        raise UsageError(f"--timeout: expected a positive time in seconds, got {seconds:g}.")
+    return seconds
 
 
 def parse_interval(option: str, text: str | None) -> tuple[float, float] | None:
@@ -103,11 +127,36 @@ def parse_interval(option: str, text: str | None) -> tuple[float, float] | None:
     return low, high
 
 
+def parse_vector(option: str, text: str | None) -> Vector | None:
+    """Return the direction written as X,Y,Z; raises `UsageError`."""
+    if text is None:
+        return None
+    try:
+        x, y, z = (float(part) for part in text.split(","))
+    except ValueError:
+        x = y = z = math.nan
+    length = math.hypot(x, y, z)
+    if not (math.isfinite(length) and length > 0.0):
+        raise UsageError(
+            f"{option}: expected a direction X,Y,Z in the camera frame, not all 0, such as 0,-0.5,-1, got {text!r}."
+        )
+    return x, y, z
+
+
+def parse_facing(text: str | None) -> SideChoice | Vector | None:
+    """Return a side by its name, or the direction written as X,Y,Z; raises `UsageError`."""
+    if text is None or "," in text:
+        return parse_vector("--facing", text)
+    if text in set(SideChoice):
+        return SideChoice(text)
+    raise UsageError(f"--facing: expected {', '.join(SideChoice)} or a direction X,Y,Z, got {text!r}.")
+
+
 Inputs = Annotated[
     list[str],
     typer.Argument(
         metavar="INPUT...",
-        help="Images, folders, globs, or - for paths on standard input, one a line.",
+        help="Images, folders, globs, URLs of these, or - for paths and URLs on standard input, one a line.",
         show_default=False,
     ),
 ]
@@ -167,6 +216,30 @@ Coplanar = Annotated[
         help="Whether all circles of an image lie in one plane, which tells candidates apart.",
     ),
 ]
+Normal = Annotated[
+    str | None,
+    typer.Option(
+        "--normal", metavar="X,Y,Z", help="Roughly where the circles' normals point, in the camera frame: a hint."
+    ),
+]
+NormalSpread = Annotated[
+    float | None,
+    typer.Option("--normal-spread-deg", metavar="DEG", help="How rough --normal is; 20 unless the target says so."),
+]
+Up = Annotated[
+    str | None,
+    typer.Option("--up", metavar="X,Y,Z", help="The surfaces are horizontal, and this is the vertical: a hint."),
+]
+UpSpread = Annotated[
+    float | None,
+    typer.Option("--up-spread-deg", metavar="DEG", help="How rough --up is; 10 unless the target says so."),
+]
+Facing = Annotated[
+    str | None,
+    typer.Option(
+        "--facing", metavar="SIDE", help="Side that the surfaces face: left, right, up, down or X,Y,Z; a hint."
+    ),
+]
 Method = Annotated[
     MethodChoice, typer.Option("--method", help="How the candidate poses are computed; all compares them.")
 ]
@@ -191,6 +264,12 @@ Layout = Annotated[
     LayoutChoice,
     typer.Option("--layout", help="Rows: all candidate poses, Table I of Chen & Huang, or Tables 1, 2 of Fu & Zhou."),
 ]
+ReferenceFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--reference", metavar="FILE", help="With --layout table2: truth or poses, to print beside, with errors."
+    ),
+]
 Output = Annotated[
     Path | None,
     typer.Option("--output", "-o", metavar="FILE", help="Write there, whole or not at all, not to standard output."),
@@ -201,6 +280,19 @@ Overlay = Annotated[
 Jobs = Annotated[
     int | None,
     typer.Option("--jobs", metavar="N", min=1, help="Worker processes. Default: one a core, for many images."),
+]
+Timeout = Annotated[
+    float | None,
+    typer.Option(
+        "--timeout",
+        metavar="SECONDS",
+        help="Give an image up after so long, and go on with the next. Default: 120.",
+        show_default=False,
+    ),
+]
+Resume = Annotated[
+    bool,
+    typer.Option("--resume", help="Go on with a run that did not come to its end: needs its -o FILE."),
 ]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Say nothing but what ends the run.")]
 Verbose = Annotated[

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import os
 import re
+import unicodedata
 from collections import Counter
 from collections.abc import Iterable
+from hashlib import blake2b
 from itertools import chain, count
 from pathlib import Path
 
 from circlepose.errors import OutputError, UsageError
 from circlepose.files.inputs import InputImage
+from circlepose.files.remote import RemoteFile
 
-_UNSAFE = re.compile(r'[\x00-\x1f\x7f<>:"|?*]')
+_UNSAFE = re.compile('[\x00-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069<>:"|?*]')
+_LONGEST_BYTES = 200
+"""Most file systems take 255 with the ending."""
 
 
 class OverlayNames:
@@ -20,6 +26,8 @@ class OverlayNames:
     def __init__(self, folder: Path, known: Iterable[InputImage]) -> None:
         """Take the images that are `known` beforehand; others may come."""
         self._folder = folder
+        self._place = os.path.realpath(folder)
+        self._seen_apart: str | None = None
         known = list(known)
         for image in known:
             self._refuse_own_folder(image)
@@ -38,17 +46,40 @@ class OverlayNames:
         joined = "__".join(parts)
         plain = joined if parts[-1] in self._shared else parts[-1]
         choices = chain((plain, joined), (f"{joined}-{number}" for number in count(2)))
-        # Two names that differ by case only are one file on some systems.
-        name = next(choice for choice in choices if choice.casefold() not in self._used)
-        self._used.add(name.casefold())
+        name = next(choice for choice in map(_shortened, choices) if self._is_free(choice))
+        self._used.add(_as_file_system(name))
         return self._folder / f"{name}.png"
 
+    def _is_free(self, name: str) -> bool:
+        # Through a link that lies there, the picture would be written somewhere else.
+        return _as_file_system(name) not in self._used and not os.path.islink(self._folder / f"{name}.png")  # noqa: PTH114
+
     def _refuse_own_folder(self, image: InputImage) -> None:
-        if image.path.parent.resolve() == self._folder.resolve():
+        if isinstance(image.path, RemoteFile):
+            return
+        folder, name = os.path.split(image.path)
+        # Images come folder by folder, and links are slow to follow.
+        if folder == self._seen_apart:
+            return
+        if os.path.realpath(folder) == self._place:
             raise UsageError(
-                f"--overlay {self._folder}: holds {image.path.name} itself; give another folder, or the next run "
+                f"--overlay {self._folder}: holds {name} itself; give another folder, or the next run "
                 "would take the pictures for images."
             )
+        self._seen_apart = folder
+
+
+def _as_file_system(name: str) -> str:
+    """Return the same for names that are one file on some systems: they differ by case, or in how é is coded."""
+    return unicodedata.normalize("NFC", name).casefold()
+
+
+def _shortened(name: str) -> str:
+    """Return `name`, or of a long one the beginning and a digest."""
+    raw = os.fsencode(name)
+    if len(raw) <= _LONGEST_BYTES:
+        return name
+    return f"{raw[: _LONGEST_BYTES - 20].decode('utf-8', 'ignore')}-{blake2b(raw, digest_size=8).hexdigest()}"
 
 
 def _parts(name: str) -> list[str]:

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from circlepose.files.names import quoted
 from circlepose_cli import debugging, options
 
 
@@ -32,4 +33,4 @@ def render(
     from circlepose.synthesis.produce import render_to_folder  # noqa: PLC0415 - needs NumPy and OpenCV
 
     for path in render_to_folder(scene, output):
-        typer.echo(path)
+        typer.echo(quoted(str(path)))

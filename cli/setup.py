@@ -9,9 +9,11 @@ from typing import Any
 
 from circlepose.errors import TargetError, UsageError
 from circlepose.files.camera_file import CameraFile, read_camera_file
+from circlepose.files.remote import Place, RemoteFile
 from circlepose.files.target_file import find_beside, read_target, target_from_mapping
 from circlepose.target import AxisIntervals, Target
-from circlepose_cli.options import TargetOverrides
+from circlepose.target_hints import NORMAL_SPREAD_DEG, UP_SPREAD_DEG, Direction, DirectionHint
+from circlepose_cli.options import SideChoice, TargetOverrides
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,15 +35,15 @@ class Setups:
     target_file: Path | None
     radius_mm: float | None
     overrides: TargetOverrides
-    tell: Callable[[Path, Setup], None]
-    _by_folder: dict[Path, Setup] = field(default_factory=dict)
+    tell: Callable[[Place, Setup], None]
+    _by_folder: dict[Place, Setup] = field(default_factory=dict)
     _cameras: dict[Path, CameraFile] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if self.target_file is not None and self.radius_mm is not None:
             raise UsageError("--target, --radius-mm: give one of them, not both.")
 
-    def for_image(self, path: Path) -> Setup:
+    def for_image(self, path: Place) -> Setup:
         """Return the setup for an image's folder; raises when it has no camera or no target."""
         folder = path.parent
         if folder not in self._by_folder:
@@ -50,28 +52,32 @@ class Setups:
             self.tell(folder, setup)
         return self._by_folder[folder]
 
-    def _find(self, folder: Path) -> Setup:
-        path = self.calib or find_beside(folder, "camera")
+    def _find(self, folder: Place) -> Setup:
+        path = self.calib or _beside(folder, "camera")
         if path is None:
-            raise UsageError(
-                f"{folder}: no calibration for the images there; give --calib FILE or put a camera.yaml beside them."
-            )
+            beside = "" if isinstance(folder, RemoteFile) else " or put a camera.yaml beside them"
+            raise UsageError(f"{folder}: no calibration for the images there; give --calib FILE{beside}.")
         if path not in self._cameras:
             self._cameras[path] = read_camera_file(path, self.camera_name)
         camera_file = self._cameras[path]
         target, origin = self._find_target(folder, camera_file)
         return Setup(camera_file, _overridden(target, self.overrides), origin)
 
-    def _find_target(self, folder: Path, camera_file: CameraFile) -> tuple[Target, str]:
+    def _find_target(self, folder: Place, camera_file: CameraFile) -> tuple[Target, str]:
         if self.radius_mm is not None:
             return _circle(self.radius_mm), "--radius-mm"
-        path = self.target_file or find_beside(folder, "target")
+        path = self.target_file or _beside(folder, "target")
         if path is not None:
             return read_target(path), str(path)
         if camera_file.target is not None:
             origin = f"{camera_file.path}: target"
             return target_from_mapping(camera_file.target, origin), origin
         raise UsageError(_no_target(folder, camera_file.path))
+
+
+def _beside(folder: Place, stem: str) -> Path | None:
+    # What images at a URL are measured with is said here, not there.
+    return None if isinstance(folder, RemoteFile) else find_beside(folder, stem)
 
 
 def _circle(radius_mm: float) -> Target:
@@ -96,16 +102,42 @@ def _overridden(target: Target, overrides: TargetOverrides) -> Target:
         changes["axis_intervals"] = AxisIntervals(
             overrides.major_px or axes.major_px, overrides.minor_px or axes.minor_px
         )
+    normal, up = overrides.normal, overrides.up
+    hints = {
+        "normal_hint": _hint("normal", target.normal_hint, normal, overrides.normal_spread_deg, NORMAL_SPREAD_DEG),
+        "up_hint": _hint("up", target.up_hint, up, overrides.up_spread_deg, UP_SPREAD_DEG),
+    }
+    changes.update({key: hint for key, hint in hints.items() if hint is not None})
+    if overrides.facing is not None:
+        facing = overrides.facing
+        changes["facing"] = facing.value if isinstance(facing, SideChoice) else facing
     return replace(target, **changes)
 
 
-def _no_target(folder: Path, camera_file: Path) -> str:
-    ways = (
+def _hint(
+    option: str, known: DirectionHint | None, direction: Direction | None, spread_deg: float | None, usual_deg: float
+) -> DirectionHint | None:
+    """Return the hint of --`option` and its spread, each from the target where it is left out."""
+    if direction is None and known is not None:
+        direction = known.direction
+    if direction is None:
+        if spread_deg is not None:
+            raise UsageError(f"--{option}-spread-deg: there is no direction that it is of; give --{option} X,Y,Z.")
+        return None
+    if spread_deg is None:
+        spread_deg = usual_deg if known is None else known.spread_deg
+    return DirectionHint(direction, spread_deg)
+
+
+def _no_target(folder: Place, camera_file: Path) -> str:
+    ways = [
         ("--radius-mm 60", "one circle of radius 60 mm"),
         ("--target rings.yaml", "a target file, such as: {kind: coplanar, radii_mm: [50, 30]}"),
-        (str(folder / "target.yaml"), "a target file beside the images"),
         ("target: {radius_mm: 60}", f"a key in the calibration file {camera_file}"),
-    )
+    ]
+    if isinstance(folder, Path):
+        ways.insert(2, (str(folder / "target.yaml"), "a target file beside the images"))
     width = max(len(way) for way, _ in ways)
     lines = "\n".join(f"  {way:<{width}}  {meaning}" for way, meaning in ways)
-    return f"{folder}: what to look for in the images there is not known; say it in one of four ways:\n{lines}"
+    number = {3: "three", 4: "four"}[len(ways)]
+    return f"{folder}: what to look for in the images there is not known; say it in one of {number} ways:\n{lines}"

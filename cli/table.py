@@ -13,9 +13,10 @@ from rich.text import Text
 
 from circlepose.files import layouts, tables
 from circlepose.files.layouts import Layout
+from circlepose.files.names import printable, quoted
+from circlepose.files.reference import Reference
 from circlepose.files.tables import Row
 from circlepose.pose import ImageResult
-from circlepose_cli.progress import printable
 
 _PIPE_WIDTH = 200
 _NAMES = {"image": "image", "#": "instance", "circle": "circle", "method": "method"}
@@ -35,7 +36,9 @@ _NUMBERS = {
 }
 
 
-def write_table(results: Iterable[ImageResult], handle: TextIO, layout: Layout) -> None:
+def write_table(
+    results: Iterable[ImageResult], handle: TextIO, layout: Layout, reference: Reference | None = None
+) -> None:
     """Write a table of all `results` when they have ended: the chosen candidates, the others dimmed."""
     is_terminal = handle.isatty()
     console = Console(file=handle, width=None if is_terminal else _PIPE_WIDTH)
@@ -43,7 +46,7 @@ def write_table(results: Iterable[ImageResult], handle: TextIO, layout: Layout) 
     if layout == "poses":
         _fill_poses(table, results)
     else:
-        _fill_printed(table, results, layout)
+        _fill_printed(table, results, layout, reference)
     console.print(table)
 
 
@@ -81,8 +84,8 @@ def _varies(rows: Sequence[Row], key: str) -> bool:
     return len({row[key] for row in rows if key in row}) > 1
 
 
-def _fill_printed(table: Table, results: Iterable[ImageResult], layout: Layout) -> None:
-    columns, rows_of = layouts.PRINTED[layout]
+def _fill_printed(table: Table, results: Iterable[ImageResult], layout: Layout, reference: Reference | None) -> None:
+    columns, rows_of = layouts.columns_and_rows(layout, reference)
     for header in columns:
         table.add_column(header, overflow="fold")
     rows = [layouts.printed(row, columns) for result in results for row in rows_of(result)]
@@ -122,4 +125,4 @@ def _number(row: Row, key: str, decimals: int) -> str:
 
 
 def _shown(value: object) -> str:
-    return "" if value is None else printable(tables.text(str(value)))
+    return "" if value is None else printable(quoted(str(value)))

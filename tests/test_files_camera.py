@@ -273,6 +273,22 @@ def test_ros_files_that_are_refused(content: bytes, says: str) -> None:
     assert says in refused(content)
 
 
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        ("fx: 1e12\nfy: 600\ncx: 0\ncy: 0\n", r"fx, fy: holds a number as large as 1e\+12"),
+        ("camera_matrix: [[600, 0, 1], [0, 600, 1], [0, 0, 1e-320]]\n", "camera_matrix: "),
+        ("camera_matrix: [[1e308, 0, 1], [0, 600, 1], [0, 0, 0.5]]\n", "camera_matrix: "),
+        ("fx: 1e-12\nfy: 600\ncx: 0\ncy: 0\n", "fx, fy: a focal length of 1e-12 px cannot be meant"),
+        ("fx: 600\nfy: 600\ncx: 0\ncy: 0\ndist_coeffs: [1e300, 0, 0, 0]\n", "dist_coeffs: holds a number as large"),
+        (f"fx: 600\nfy: 600\ncx: 0\ncy: 0\nimage_size: [1{'0' * 300}, 5]\n", "image size: holds a number as large"),
+    ],
+)
+def test_numbers_with_which_sums_overflow_are_refused(content: str, says: str) -> None:
+    with pytest.raises(CalibrationError, match=says):
+        read_camera_file(content.encode())
+
+
 def test_ros_other_name_is_refused() -> None:
     assert "holds no camera 'wide', only narrow" in refused(ros_yaml(), "wide")
 

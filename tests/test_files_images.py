@@ -14,8 +14,8 @@ import pytest
 
 from circlepose._typing import Image
 from circlepose.errors import ImageError, OutputError
+from circlepose.files.image_bytes import is_image_name
 from circlepose.files.images import IMAGE_SUFFIXES, read_image, write_image
-from circlepose.files.inputs import is_image_name
 
 HEIGHT, WIDTH = 60, 90
 
@@ -160,13 +160,6 @@ def test_a_damaged_file_is_told(tmp_path: Path, suffix: str) -> None:
     middle = len(data) // 2
     (tmp_path / "a").write_bytes(data[:middle] + data[middle + 40 :])
     assert status_of(tmp_path / "a") == "truncated_image"
-
-
-def test_an_image_too_large_to_decode_is_told(tmp_path: Path) -> None:
-    header = struct.pack(">IIBBBBB", 2_000_000, 2_000_000, 8, 0, 0, 0, 0)
-    content = b"\x89PNG\r\n\x1a\n" + png_chunk(b"IHDR", header) + png_chunk(b"IDAT", b"") + png_chunk(b"IEND", b"")
-    (tmp_path / "a.png").write_bytes(content)
-    assert status_of(tmp_path / "a.png") == "truncated_image"
 
 
 def test_remarks_in_a_png_change_nothing_and_print_nothing(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:

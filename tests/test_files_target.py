@@ -16,6 +16,7 @@ from circlepose.files.target_file import (
     write_target,
 )
 from circlepose.target import AxisIntervals, Target
+from circlepose.target_hints import DirectionHint
 
 LENGTH = st.floats(1e-3, 1e6)
 
@@ -33,6 +34,9 @@ def targets(draw: st.DrawFn) -> Target:
     radii = tuple(sorted(draw(st.lists(LENGTH, min_size=number, max_size=number, unique=True)), reverse=True))
     generatrix = radii[0] + draw(LENGTH) if kind == "coaxial" and draw(st.booleans()) else None
     axes = st.none() | st.builds(AxisIntervals, st.none() | intervals(), st.none() | intervals())
+    lone = kind == "circle"
+    hint = st.builds(DirectionHint, st.just((0.3, -0.5, -2.0)), st.floats(60.0, 180.0)) if lone else st.none()
+    side = st.sampled_from(["left", "right", "up", "down", (1.0, -0.5, 0.0)]) if lone else st.none()
     return Target(
         kind=kind,  # type: ignore[arg-type]
         radii_mm=radii,
@@ -41,6 +45,9 @@ def targets(draw: st.DrawFn) -> Target:
         polarity=draw(st.sampled_from(["any", "dark", "bright"])),
         axis_intervals=draw(axes),
         depth_range_mm=draw(st.none() | intervals()),
+        normal_hint=draw(st.none() | hint),
+        up_hint=draw(st.none() | hint),
+        facing=draw(st.none() | side),
     )
 
 
@@ -66,6 +73,19 @@ def test_every_key() -> None:
         axis_intervals=AxisIntervals((40.0, 400.0), (10.0, 400.0)),
         depth_range_mm=(300.0, 2000.0),
     )
+
+
+def test_hints() -> None:
+    text = (
+        b"radius_mm: 60\nnormal_hint: {direction: [0, -1, -0.5], spread_deg: 15}\n"
+        b"up_hint: {direction: [0, -3, 0]}\nfacing: [0, -1, 0]\n"
+    )
+    target = read_target(text)
+    assert target.normal_hint == DirectionHint((0.0, -1.0, -0.5), 15.0)
+    assert target.up_hint == DirectionHint((0.0, -3.0, 0.0), 10.0)
+    assert target.facing == (0.0, -1.0, 0.0)
+    assert read_target(b"radius_mm: 60\nnormal_hint: {direction: [0, -1, -0.5]}").normal_hint.spread_deg == 20.0
+    assert read_target(b"radius_mm: 60\nfacing: up").facing == "up"
 
 
 def test_a_radius_alone_is_one_circle() -> None:
@@ -132,6 +152,44 @@ def test_height_gives_the_generatrix() -> None:
         ),
         ("radius_mm: 60\ndepth_range_mm: [2000, 300]", "depth_range_mm: expected [smallest, largest]"),
         ("radius_mm: 60\ndepth_range_mm: 2000", "depth_range_mm: expected [nearest, farthest] distance in mm, got"),
+        (
+            "radius_mm: 60\nnormal_hint: [0, 0, -1]",
+            "normal_hint: expected a mapping with direction: a direction [x, y",
+        ),
+        ("radius_mm: 60\nnormal_hint: {spread_deg: 5}", "normal_hint.direction: expected a direction [x, y, z]"),
+        ("radius_mm: 60\nnormal_hint: {direction: [0, -1]}", "normal_hint.direction: expected a direction [x, y, z]"),
+        (
+            "radius_mm: 60\nnormal_hint: {direction: [0, 0, 0]}",
+            "normal_hint.direction: expected a direction [x, y, z] of",
+        ),
+        ("radius_mm: 60\nnormal_hint: {direction: [0, 0, 1]}", "normal_hint.direction: points away from the camera"),
+        (
+            "radius_mm: 60\nnormal_hint: {direction: [0, 0, -1], spread_deg: 0}",
+            "normal_hint.spread_deg: expected a positive angle",
+        ),
+        ("radius_mm: 60\nnormal_hint: {up: [0, 0, 1]}", "normal_hint.up: is no known key; the keys are direction"),
+        ("radius_mm: 60\nup_hint: {direction: [0, 0, 0]}", "up_hint.direction: expected a direction [x, y, z] of a"),
+        (
+            "radius_mm: 60\nup_hint: {direction: [0, 1, 0], spread_deg: -1}",
+            "up_hint.spread_deg: expected a positive angle",
+        ),
+        (
+            "radius_mm: 60\nup_hint: {direction: [0, 1, 0], spread_deg: 5}\n"
+            "normal_hint: {direction: [1, 0, -0.2], spread_deg: 5}",
+            "normal_hint, up_hint: exclude each other: the normal is 90 deg from the vertical",
+        ),
+        (
+            "radius_mm: 60\nfacing: left\nnormal_hint: {direction: [1, 0, -0.2], spread_deg: 5}",
+            "normal_hint, facing: exclude each other: the normal is 169 deg from the side that is faced",
+        ),
+        ("radius_mm: 60\nfacing: sideways", "facing: expected left, right, up, down, or a direction [x, y, z]"),
+        ("radius_mm: 60\nfacing: [0, 0, 0]", "facing: expected a direction [x, y, z] of a length other than 0"),
+        ("radius_mm: 60\nfacing: [1, 0]", "facing: expected left, right, up, down, or a direction"),
+        ("kind: coplanar\nradii_mm: [50, 30]\nfacing: up", "facing: is a hint for lone circles, kind: circle; this"),
+        (
+            "kind: coaxial\nradii_mm: [50, 30]\nnormal_hint: {direction: [0, 0, -1]}",
+            "normal_hint: is a hint for lone circles",
+        ),
         ("radius_mm: 60\nradius_mm: 50", "'radius_mm' is given twice"),
         ("1: 2", "1: is no known key"),
         ("60", "expected keys and values, such as `radius_mm: 60`"),

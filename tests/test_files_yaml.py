@@ -9,6 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from circlepose.errors import CalibrationError, TargetError
+from circlepose.files import yaml_text
+from circlepose.files.camera_file import read_camera_file
 from circlepose.files.source import MAX_BYTES, read_source
 from circlepose.files.yaml_text import MatrixNode, parse_yaml
 
@@ -90,7 +92,8 @@ def test_the_closing_line_of_a_recorded_message_is_no_second_document() -> None:
         ("? [1]\n: 2\n", "is not valid YAML"),
         (f"a: {'9' * 5000}\n", "is not valid YAML"),
         (f"a: {'[' * 5000}\n", "nested too deeply"),
-        ("a: &x [*x]\nb: *y\n", "is not valid YAML"),
+        ("a: &x [*x]\nb: *y\n", "line 1: .*a value holds itself"),
+        ("a: &x {b: *x}\n", "line 1: .*a value holds itself"),
         ("a: \x07\n", "is not valid YAML"),
     ],
 )
@@ -130,6 +133,50 @@ def test_missing_file_and_folder(tmp_path: Path) -> None:
         read_source("a\0b", CalibrationError)
     with pytest.raises(CalibrationError, match="cannot be opened"):
         read_source("x" * 5000, CalibrationError)
+
+
+def alias_bomb(levels: int) -> str:
+    """Ten names of ten names of ... ten letters."""
+    lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
+    lines += [f"a{level}: &a{level} [{', '.join([f'*a{level - 1}'] * 10)}]" for level in range(1, levels)]
+    return "\n".join(lines) + "\n"
+
+
+def test_a_bomb_of_aliases_is_refused_by_what_it_stands_for() -> None:
+    with pytest.raises(CalibrationError, match=r"^f\.yaml, line 5: is not valid YAML \(it holds more than"):
+        parse(alias_bomb(9))
+    # By way of merged keys, too.
+    merged = "a: &a {x: 1}\n" + "".join(f"!!merge m{n}: &m{n} {{!!merge x: *a}}\n" for n in range(9))
+    assert parse(merged)["x"] == 1
+
+
+def test_more_values_than_anyone_means(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(yaml_text, "MAX_VALUES", 100)
+    assert len(parse(f"a: [{'1,' * 96}]\n")) == 1
+    with pytest.raises(CalibrationError, match="holds more than 100 values"):
+        parse(f"a: [{'1,' * 100}]\n")
+
+
+def test_messages_quote_no_bomb() -> None:
+    for key in ("target", "camera_model", "distortion_model", "camera_matrix", "cam0", "camera_name", "binning_x"):
+        content = f"{alias_bomb(4)}cam1: {{intrinsics: [1], camera_model: *a3}}\n{key}: *a3\nK: [1]\n"
+        with pytest.raises(CalibrationError) as caught:
+            read_camera_file(content.encode())
+        assert len(str(caught.value)) < 1000
+    with pytest.raises(CalibrationError) as caught:
+        read_camera_file(f"{'k' * 100_000}: 1\n".encode())
+    assert len(str(caught.value)) < 1000
+
+
+def test_aliases_as_they_are_meant_are_read() -> None:
+    assert parse("cam0: &c {a: 1}\ncam1: *c\n") == {"cam0": {"a": 1}, "cam1": {"a": 1}}
+
+
+def test_a_text_without_end_is_looked_through_once() -> None:
+    # Sought again from each of its quotes, the end of this one would take minutes.
+    for end in ("", "\\", "\\\n"):
+        with pytest.raises(CalibrationError):
+            read_camera_file(('{"a": "' + '\\"' * 100_000 + end).encode())
 
 
 def test_handles_and_a_byte_order_mark() -> None:

@@ -11,6 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from circlepose.files import layouts, records, tables
+from circlepose.files.names import unquoted
+from circlepose.files.pose_table import read_pose_file
 from circlepose.files.tables import COLUMNS, cell, pose_rows
 from circlepose.pose import CircleResult, ImageResult, Status
 from discs import CENTER_MM, NORMAL, RADIUS_MM, made_circle, made_result
@@ -84,10 +86,20 @@ def test_a_circle_without_a_pose_has_one_row():
     assert [(row["method"], row["status"], row["ambiguity"]) for row in rows] == [("kabuka-arenas", "no_pose", "")]
 
 
-@pytest.mark.parametrize("start", ["=", "+", "-", "@", "\t", "\r"])
-def test_names_that_a_spreadsheet_would_run_get_an_apostrophe(start):
-    name = f"{start}1+cmd.png"
-    assert read_csv([replace(FAILED, image=name)])[0]["image"] == "'" + name.replace("\r", "\\r")
+@pytest.mark.parametrize(
+    ("name", "shown"),
+    [
+        ("=1+cmd.png", "'=1+cmd.png"),
+        ("+1", "'+1"),
+        ("-1.png", "'-1.png"),
+        ("@a", "'@a"),
+        ("'=a", "''=a"),
+        ("\t=1", r"$'\t=1'"),
+        ("\r=1", r"$'\r=1'"),
+    ],
+)
+def test_names_that_a_spreadsheet_would_run_are_kept_from_it(name, shown):
+    assert read_csv([replace(FAILED, image=name)])[0]["image"] == shown
     assert read_json([replace(FAILED, image=name)])["images"][0]["image"] == name
 
 
@@ -98,8 +110,23 @@ def test_negative_numbers_get_no_apostrophe():
 def test_names_with_commas_quotes_line_ends_and_stray_bytes_survive():
     name = 'a,"b"\nc\udcff.png'
     (row,) = read_csv([replace(FAILED, image=name)])
-    assert row["image"] == 'a,"b"\nc\\udcff.png'
-    assert read_json([replace(FAILED, image=name)])["images"][0]["image"] == 'a,"b"\nc\\udcff.png'
+    assert row["image"] == r"""$'a,"b"\nc\xff.png'"""
+    assert read_json([replace(FAILED, image=name)])["images"][0]["image"] == row["image"]
+    assert unquoted(row["image"]) == name
+
+
+@pytest.mark.parametrize("data_format", ["csv", "jsonl"])
+@pytest.mark.parametrize(
+    "name", ["a\nb", "a\rb", "a\u2028b", "\x1b[2J\x07", "a\x85b\x9b", "\udcff", "q\"'\\", "\u202egnp.a"]
+)
+def test_every_row_is_one_line_of_utf8_that_leaves_a_terminal_alone(name, data_format):
+    handle = io.StringIO()
+    layouts.write_results([replace(FAILED, image=name)], handle, data_format=data_format, layout="poses")
+    lines = handle.getvalue().encode("utf-8").decode("utf-8").splitlines()
+    assert len(lines) == (2 if data_format == "csv" else 1)
+    assert all(line.isprintable() for line in lines)
+    table = read_pose_file(handle.getvalue().encode(), "t").table
+    assert list(table.image_status) == [name]
 
 
 @given(st.floats(), st.sampled_from(COLUMNS))

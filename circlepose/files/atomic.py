@@ -17,28 +17,34 @@ _STORAGE_FAILS = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}
 
 @overload
 def atomic_writer(
-    path: str | os.PathLike[str], *, binary: Literal[False] = False
+    path: str | os.PathLike[str], *, binary: Literal[False] = False, temporary: Path | None = None
 ) -> AbstractContextManager[TextIO]: ...
 @overload
-def atomic_writer(path: str | os.PathLike[str], *, binary: Literal[True]) -> AbstractContextManager[BinaryIO]: ...
-def atomic_writer(path: str | os.PathLike[str], *, binary: bool = False) -> AbstractContextManager[IO[Any]]:
+def atomic_writer(
+    path: str | os.PathLike[str], *, binary: Literal[True], temporary: Path | None = None
+) -> AbstractContextManager[BinaryIO]: ...
+def atomic_writer(
+    path: str | os.PathLike[str], *, binary: bool = False, temporary: Path | None = None
+) -> AbstractContextManager[IO[Any]]:
     r"""Return a context manager that yields a handle (UTF-8 text, `\n` kept as written, or binary) for `path`.
 
     The file takes its place when the block ends; if the block raises, what stood there before is untouched.
     A device or a pipe (`/dev/null`, `/dev/stdout`) is written to directly. Names that are not UTF-8 pass
-    through text as `os.fsdecode` gives them. Raises `OutputError` when the folder is missing, not writable or full.
+    through text as `os.fsdecode` gives them. Until the end the content is in `temporary`, which is overwritten, or
+    else in a new hidden file; it has to be in the folder of the file that `path` leads to, links followed.
+    Raises `OutputError` when the folder is missing, not writable or full.
     """
     place = Path(os.path.realpath(path))
     # os.path, unlike Path, does not raise where a folder may not be searched; opening the file then says so.
     is_device = os.path.exists(place) and not os.path.isfile(place)  # noqa: PTH110, PTH113
     name = os.fspath(path)
-    return _opened(place, name, "w", binary) if is_device else _renamed(place, name, binary)
+    return open_on_behalf(place, name, "w", binary=binary) if is_device else _renamed(place, name, binary, temporary)
 
 
 @contextmanager
-def _renamed(place: Path, name: str, binary: bool) -> Iterator[IO[Any]]:
-    temporary = place.with_name(f".circlepose-{secrets.token_hex(8)}.part")
-    handle = _opened(temporary, name, "x", binary)
+def _renamed(place: Path, name: str, binary: bool, given: Path | None) -> Iterator[IO[Any]]:
+    temporary = given or place.with_name(f".circlepose-{secrets.token_hex(8)}.part")
+    handle = open_on_behalf(temporary, name, "w" if given else "x", binary=binary)
     try:
         with handle:
             yield handle
@@ -53,11 +59,11 @@ def _renamed(place: Path, name: str, binary: bool) -> Iterator[IO[Any]]:
         temporary.unlink(missing_ok=True)
 
 
-def _opened(file: Path, name: str, mode: str, binary: bool) -> IO[Any]:
-    """Open `file` on behalf of the file that the caller calls `name`."""
+def open_on_behalf(file: Path, name: str, mode: str, *, binary: bool, buffering: int = -1) -> IO[Any]:
+    """Open `file` on behalf of the file that the caller calls `name`; raises `OutputError`."""
     try:
         if binary:
-            return file.open(mode + "b")
+            return file.open(mode + "b", buffering)
         return file.open(mode, encoding="utf-8", errors="surrogateescape", newline="")
     except FileNotFoundError:
         raise OutputError(f"{name}: the folder {Path(name).parent} does not exist; make it first.") from None

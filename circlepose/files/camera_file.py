@@ -16,6 +16,7 @@ from circlepose.errors import CalibrationError
 from circlepose.files import kalibr_camera, opencv_camera, own_camera, ros_camera
 from circlepose.files.atomic import atomic_writer
 from circlepose.files.opencv_storage import parse_storage, storage_text
+from circlepose.files.schema import shown, some_keys
 from circlepose.files.source import Source, read_source
 
 _Entries = Mapping[str, object]
@@ -72,7 +73,7 @@ def read_camera_file(source: Source, camera_name: str | None = None) -> CameraFi
     entries, is_opencv = parse_storage(text, name)
     target = entries.get("target")
     if target is not None and not isinstance(target, Mapping):
-        raise CalibrationError(f"{name}: target: expected a mapping such as {{radius_mm: 60}}, got {target!r}.")
+        raise CalibrationError(f"{name}: target: expected a mapping such as {{radius_mm: 60}}, got {shown(target)}.")
     form = _form(entries, name, is_opencv)
     camera, notes = form.read(entries, name, camera_name)
     return CameraFile(camera, form.name, Path(name), target, (*notes, *_doubts(camera)))
@@ -104,7 +105,7 @@ def _form(entries: _Entries, name: str, is_opencv: bool) -> _Form:
             return form
     raise CalibrationError(
         f"{name}: is no calibration of a known form (OpenCV, ROS camera_info, Kalibr, circlepose); expected "
-        f"camera_matrix, or fx, fy, cx, cy; found {', '.join(list(entries)[:12])}."
+        f"camera_matrix, or fx, fy, cx, cy; found {some_keys(entries)}."
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterator
 
@@ -25,6 +26,9 @@ IMAGE_SUFFIXES = frozenset(
 )
 """Endings that make a file in a folder or glob an image; a file named itself is judged by its content."""
 
+HEAD_BYTES = 64
+"""As many tell the format."""
+
 _JPEG_END = b"\xff\xd9"
 _JPEG_SCAN = 0xDA
 _PNG_START = b"\x89PNG\r\n\x1a\n"
@@ -37,6 +41,11 @@ _FORMATS = (
     ("PNM", re.compile(rb"P[1-7]\s")),
     ("JPEG 2000", re.compile(rb"\0\0\0\x0cjP  \r\n\x87\n|\xff\x4f\xff\x51")),
 )
+
+
+def is_image_name(name: str) -> bool:
+    """Whether the ending of a file's name is that of an image."""
+    return os.path.splitext(name)[1].lower() in IMAGE_SUFFIXES  # noqa: PTH122 - for a million names
 
 
 def known_format(content: bytes) -> str | None:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import cv2
@@ -13,13 +11,17 @@ import numpy as np
 from circlepose._typing import Image
 from circlepose.errors import ImageError, OutputError
 from circlepose.files.atomic import atomic_writer
+from circlepose.files.decoder_messages import decoders_quiet, tells_of_lost_pixels
 from circlepose.files.image_bytes import IMAGE_SUFFIXES, is_complete, known_format, without_remarks
+from circlepose.files.image_content import read_content
+from circlepose.files.image_size import over_limit, stated_size
+from circlepose.files.remote import RemoteFile
 from circlepose.pose import Status
 
 __all__ = ["IMAGE_SUFFIXES", "read_image", "write_image"]
 
 
-def read_image(path: str | os.PathLike[str]) -> Image:
+def read_image(path: str | os.PathLike[str] | RemoteFile) -> Image:
     """Return the image as stored: (h, w) grey, (h, w, 3) BGR or (h, w, 4) BGRA, uint8 or uint16.
 
     EXIF orientation is not applied: the calibration holds for the sensor's rows and columns.
@@ -27,10 +29,16 @@ def read_image(path: str | os.PathLike[str]) -> Image:
     Raises
     ------
     ImageError
-        With the status `unreadable`, `not_an_image` or `truncated_image`.
+        With the status `unreadable`, `not_an_image`, `truncated_image` or `too_large`.
     """
+    if isinstance(path, RemoteFile):
+        return decode_image(path.read_bytes(), str(path))
     name = os.fspath(path)
-    content = _content(name)
+    return decode_image(read_content(name), name)
+
+
+def decode_image(content: bytes, name: str) -> Image:
+    """Return the image that a file's `content` holds; as `read_image`, whose messages call the file `name`."""
     kind = known_format(content)
     if kind is None:
         what = "is no image of a known format" if content else "is empty"
@@ -38,8 +46,12 @@ def read_image(path: str | os.PathLike[str]) -> Image:
     # OpenCV 4 fills the lost part of a JPEG with grey and says nothing.
     if not is_complete(content, kind):
         raise ImageError(Status.TRUNCATED_IMAGE, f"{name}: the {kind} image ends early; copy or take it again.")
-    image = _decoded(without_remarks(content, kind))
-    if image is None:
+    size = stated_size(content, kind)
+    limit = over_limit(size) if size else None
+    if size and limit:
+        raise ImageError(Status.TOO_LARGE, f"{name}: is {size[0]} x {size[1]} px, {limit}.")
+    image, remarks = _decoded(without_remarks(content, kind))
+    if image is None or tells_of_lost_pixels(remarks):
         raise ImageError(
             Status.TRUNCATED_IMAGE, f"{name}: the {kind} image is damaged or ends early; copy or take it again."
         )
@@ -58,7 +70,7 @@ def write_image(path: str | os.PathLike[str], image: Image) -> None:
     if suffix not in IMAGE_SUFFIXES:
         raise OutputError(f"{name}: expected a name that ends in .png, .jpg or another image ending.")
     try:
-        with _quiet():
+        with decoders_quiet():
             done, encoded = cv2.imencode(suffix, image)
     except cv2.error:
         done = False
@@ -68,39 +80,11 @@ def write_image(path: str | os.PathLike[str], image: Image) -> None:
         handle.write(encoded.tobytes())
 
 
-def _content(name: str) -> bytes:
-    try:
-        # Python opens names that OpenCV cannot: any bytes on Linux, non-Latin ones on Windows.
-        return Path(name).read_bytes()
-    except FileNotFoundError:
-        reason = "there is no such file"
-    except IsADirectoryError:
-        reason = "is a folder, not an image file"
-    except PermissionError:
-        reason = "may not be read (permission denied)"
-    except OSError as error:
-        reason = f"cannot be read ({error.strerror or error})"
-    except ValueError:
-        reason = "is no file name (it holds a NUL character; part the names by line ends)"
-    raise ImageError(Status.UNREADABLE, f"{name!r}: {reason}." if "\0" in name else f"{name}: {reason}.")
-
-
-def _decoded(content: bytes | bytearray) -> Image | None:
+def _decoded(content: bytes | bytearray) -> tuple[Image | None, list[str]]:
     buffer = np.frombuffer(content, dtype=np.uint8)
+    remarks: list[str] = []
     try:
-        with _quiet():
-            return cv2.imdecode(buffer, cv2.IMREAD_UNCHANGED)
+        with decoders_quiet() as remarks:
+            return cv2.imdecode(buffer, cv2.IMREAD_UNCHANGED), remarks
     except (cv2.error, MemoryError):
-        return None
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Silence OpenCV's own log on stderr: the status says what went wrong."""
-    # The setter moved in OpenCV 5.
-    logging = getattr(cv2.utils, "logging", cv2)
-    before = logging.setLogLevel(0)
-    try:
-        yield
-    finally:
-        logging.setLogLevel(before)
+        return None, remarks

@@ -2,26 +2,34 @@
 
 from __future__ import annotations
 
-import glob
 import os
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 from circlepose.errors import UsageError
-from circlepose.files.image_bytes import IMAGE_SUFFIXES
+from circlepose.files.globs import is_pattern, matches, refused_folder
+from circlepose.files.image_bytes import is_image_name
+from circlepose.files.names import redacted
+from circlepose.files.remote import Place, is_url, place_of, require
+from circlepose.files.remote_listing import images_at, is_listing
 
 STDIN = "-"
+
+_LOOKED_INTO = 50
+"""folders that are looked into for a hint"""
 
 
 @dataclass(frozen=True, slots=True)
 class InputImage:
     """One image to measure."""
 
-    path: Path
+    path: Place
     name: str
-    """what the table calls it: the path as typed, or relative to the folder where that is the only input"""
+    """what the table calls it: the path as typed, or relative to the folder where that is the only input; a URL is
+    without its credentials"""
 
 
 def expand_inputs(
@@ -31,8 +39,11 @@ def expand_inputs(
 
     - A folder stands for the images in it (and in folders below, if `recursive`); hidden ones are left out.
     - A glob (`*`, `?`, `[...]`, `**`) that is not itself a file stands for what it matches.
-    - `-` stands for the paths on `stdin`, one a line, each taken when it is asked for: the producer may be endless.
-    - Anything else is a file; if it is missing, that is told when it is read, as the status of its row.
+    - A URL that ends in `/`, or has a pattern, stands for the images there, in the order in which they are listed and
+      each taken when it is asked for; whether one comes twice is not looked at.
+    - `-` stands for the paths and URLs on `stdin`, one a line, each taken when it is asked for: the producer may be
+      endless.
+    - Anything else is a file or an object; if it is missing, that is told when it is read, as the status of its row.
 
     A name is the path as typed, so that it leads back to the image; with a single folder as the only input it
     is the path below that folder. Raises `UsageError`, before the first image, for an input without any image.
@@ -41,9 +52,13 @@ def expand_inputs(
         raise UsageError("no image was given; give image files, a folder, a glob or - for paths on standard input.")
     if STDIN in inputs and stdin is None:
         raise UsageError("-: there is no standard input to read paths from.")
-    lone_folder = len(inputs) == 1 and _is_folder(inputs[0])
-    parts = [[STDIN] if each == STDIN else _expanded(each, recursive) for each in inputs]
-    return _images(parts, inputs[0] if lone_folder else None, stdin or ())
+    parts = [_expanded(each, recursive, stdin or (), is_lone=len(inputs) == 1) for each in inputs]
+    return _each_once(parts)
+
+
+def are_streamed(inputs: Sequence[str]) -> bool:
+    """Whether the images of `inputs` are known one after the other only, and may be more than fit in memory."""
+    return any(each == STDIN or (is_url(each) and is_listing(each)) for each in inputs)
 
 
 def natural_key(name: str) -> tuple[str, str]:
@@ -53,19 +68,34 @@ def natural_key(name: str) -> tuple[str, str]:
     return key.replace(os.sep, "\0"), name
 
 
-def _images(parts: list[list[str]], base: str | None, stdin: Iterable[str] | Iterable[bytes]) -> Iterator[InputImage]:
+def _each_once(parts: Iterable[Iterable[InputImage]]) -> Iterator[InputImage]:
+    """Yield the images of all parts, those of lists once; streams are too long to remember."""
     seen: set[str] = set()
     for part in parts:
-        if part == [STDIN]:
-            yield from _from_stdin(stdin)
+        if not isinstance(part, list):
+            yield from part
             continue
-        for path in part:
+        for image in part:
             # Path drops ./ and doubled slashes but, rightly, no `..`.
-            file = Path(path)
-            if str(file) not in seen:
-                seen.add(str(file))
-                name = path if base is None else path[len(base) :].lstrip(os.sep).replace(os.sep, "/")
-                yield InputImage(file, name)
+            place = str(image.path)
+            if place not in seen:
+                seen.add(place)
+                yield image
+
+
+def _expanded(
+    typed: str, recursive: bool, stdin: Iterable[str] | Iterable[bytes], *, is_lone: bool
+) -> Iterable[InputImage]:
+    """Return the images of one input; those of folders and globs of this machine are found at once."""
+    if typed == STDIN:
+        return _from_stdin(stdin)
+    if is_url(typed):
+        return _from_url(typed, recursive, is_lone)
+    base = typed if is_lone and _is_folder(typed) else None
+    return [
+        InputImage(Path(path), path if base is None else path[len(base) :].lstrip(os.sep).replace(os.sep, "/"))
+        for path in _paths(typed, recursive)
+    ]
 
 
 def _from_stdin(lines: Iterable[str] | Iterable[bytes]) -> Iterator[InputImage]:
@@ -74,40 +104,49 @@ def _from_stdin(lines: Iterable[str] | Iterable[bytes]) -> Iterator[InputImage]:
         path = os.fsdecode(line).rstrip("\r\n")
         if path:
             empty = False
-            yield InputImage(Path(path), path)
+            yield InputImage(place_of(path), redacted(path) if is_url(path) else path)
     if empty:
         raise UsageError("-: no path came on standard input; expected one a line.")
 
 
-def _expanded(typed: str, recursive: bool) -> list[str]:
+def _from_url(typed: str, recursive: bool, is_lone: bool) -> Iterable[InputImage]:
+    place = place_of(typed)
+    if isinstance(place, Path):
+        return [InputImage(Path(path), path) for path in _paths(str(place), recursive)]
+    require(typed)
+    if not is_listing(typed):
+        return [InputImage(place, str(place))]
+    below = is_lone and typed.endswith("/")
+    return (InputImage(file, path if below else str(file)) for file, path in images_at(typed, recursive))
+
+
+def _paths(typed: str, recursive: bool) -> list[str]:
     if _is_folder(typed):
         return _in_folder(typed, recursive)
-    if not glob.has_magic(typed) or os.path.lexists(typed):
+    if not is_pattern(typed) or os.path.lexists(typed):
         return [typed]
-    base, pattern = _split_at_magic(typed)
-    found = glob.glob(pattern, root_dir=base or None, recursive=True)  # noqa: PTH207 - Path.glob shows hidden files
-    matches = [str(Path(base, each)) if base else each for each in sorted(found, key=natural_key)]
-    images = [each for each in matches if is_image_name(each) and not _is_folder(each)]
+    found = sorted(set(matches(*_split_at_pattern(typed))), key=natural_key)
+    images = [each for each in found if is_image_name(each) and not _is_folder(each)]
     if images:
         return images
-    what = f"matches no image, only {_some(matches)}" if matches else "matches no file"
+    what = f"matches no image, only {_some(found)}" if found else "matches no file"
     raise UsageError(f"{typed}: {what}; check the pattern.")
 
 
-def _split_at_magic(typed: str) -> tuple[str, str]:
+def _split_at_pattern(typed: str) -> tuple[str, Sequence[str]]:
     """Return the part of a glob that is a folder, even with brackets in its name, and the pattern below it."""
     parts = Path(typed).parts
     count = 0
     while count < len(parts) - 1 and _is_folder(str(Path(*parts[: count + 1]))):
         count += 1
-    return (str(Path(*parts[:count])) if count else ""), str(Path(*parts[count:]))
+    return (str(Path(*parts[:count])) if count else ""), parts[count:]
 
 
 def _in_folder(typed: str, recursive: bool) -> list[str]:
     images, others, folders = _listed(typed, recursive)
     if images:
         return images
-    if not recursive and any(_listed(folder, recursive=True)[0] for folder in folders):
+    if not recursive and any(_has_image_below(folder) for folder in folders[:_LOOKED_INTO]):
         raise UsageError(f"{typed}: holds no image itself, but folders in it do; add --recursive.")
     if others:
         raise UsageError(
@@ -132,9 +171,10 @@ def _listed(folder: str, recursive: bool) -> tuple[list[str], list[str], list[st
     return sorted(images, key=natural_key), sorted(others, key=natural_key), folders
 
 
-def is_image_name(name: str) -> bool:
-    """Whether the ending of a file's name is that of an image."""
-    return os.path.splitext(name)[1].lower() in IMAGE_SUFFIXES  # noqa: PTH122 - for a million names
+def _has_image_below(folder: str) -> bool:
+    """Whether a short look finds an image; what cannot be read is passed over."""
+    looks = islice(os.walk(folder), _LOOKED_INTO)
+    return any(is_image_name(name) for _, _, files in looks for name in files if not name.startswith("."))
 
 
 def _is_folder(path: str) -> bool:
@@ -143,7 +183,7 @@ def _is_folder(path: str) -> bool:
 
 
 def _refuse_folder(error: OSError) -> None:
-    raise UsageError(f"{error.filename}: the folder cannot be read ({error.strerror}).")
+    raise refused_folder(error)
 
 
 def _some(paths: list[str]) -> str:

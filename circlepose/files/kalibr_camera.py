@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from circlepose.camera import Camera, LensModel
 from circlepose.errors import CalibrationError
 from circlepose.files import numbers
+from circlepose.files.schema import shown, some_keys
 
 NAME = "Kalibr camchain"
 
@@ -28,9 +29,9 @@ def read(entries: Mapping[str, object], where: str, camera_name: str | None) -> 
     cameras = _cameras(entries)
     name = camera_name if camera_name is not None else min(cameras)
     if name not in cameras:
-        raise CalibrationError(f"{where}: holds no camera {name!r}; its cameras are {', '.join(cameras)}.")
+        raise CalibrationError(f"{where}: holds no camera {name!r}; its cameras are {some_keys(cameras)}.")
     several = len(cameras) > 1 and camera_name is None
-    notes = (f"{name} taken, of the {len(cameras)} cameras {', '.join(cameras)}",) if several else ()
+    notes = (f"{name} taken, of the {len(cameras)} cameras {some_keys(cameras)}",) if several else ()
     return _camera(cameras[name], f"{where}: {name}" if name else where), notes
 
 
@@ -48,13 +49,13 @@ def _camera(entries: Mapping[str, object], where: str) -> Camera:
     camera_model = entries.get("camera_model")
     if camera_model != "pinhole":
         raise CalibrationError(
-            f"{where}: camera_model: is {camera_model!r}; only pinhole (with radtan or equidistant distortion) "
+            f"{where}: camera_model: is {shown(camera_model)}; only pinhole (with radtan or equidistant distortion) "
             "is supported, so calibrate again with pinhole-radtan or pinhole-equi."
         )
     distortion = entries.get("distortion_model", "none")
     if not isinstance(distortion, str) or distortion not in _DISTORTIONS:
         raise CalibrationError(
-            f"{where}: distortion_model: expected radtan, equidistant or none, got {distortion!r}."
+            f"{where}: distortion_model: expected radtan, equidistant or none, got {shown(distortion)}."
         )
     model, count = _DISTORTIONS[distortion]
     key = "distortion_coefficients" if "distortion_coefficients" in entries else "distortion_coeffs"

@@ -5,12 +5,18 @@ A cell that holds a vector is one text, as in print: `(-14.86, 31.54, 902.38)`. 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal, TextIO
 
+import numpy as np
+
 from circlepose._typing import FloatArray
+from circlepose.counterparts import TabledPose
+from circlepose.disambiguation.generatrix import generatrix_length
 from circlepose.files import records, tables
+from circlepose.files.reference import CircleKey, Reference
 from circlepose.files.tables import Row
 from circlepose.pose import CircleResult, ImageResult
 
@@ -27,6 +33,8 @@ TABLE1_COLUMNS = (
     "Orientation difference (deg)",
 )
 TABLE2_COLUMNS = ("Scene", "Candidate", "UN", "TV", "GCC")
+TABLE2_ERRORS = ("TV error (mm)", "UN error (deg)")
+"""columns that are there where a reference is given"""
 
 _DECIMALS = {
     "Circle center position": 2,
@@ -36,6 +44,8 @@ _DECIMALS = {
     "UN": 4,
     "TV": 4,
     "GCC": 2,
+    "TV error (mm)": 3,
+    "UN error (deg)": 3,
 }
 _REFERENCE_METHOD = "chen-huang"
 
@@ -68,17 +78,21 @@ def table1_rows(result: ImageResult) -> Iterator[Row]:
         yield {"Image": result.image, "Circle center position": result.status}
 
 
-def table2_rows(result: ImageResult) -> Iterator[Row]:
+def table2_rows(result: ImageResult, reference: Reference | None = None) -> Iterator[Row]:
     """Yield a row per candidate of each target's largest circle, the chosen first, as in Table 2 of Fu & Zhou.
 
     UN is the unit normal, TV the translation vector (mm), GCC the generatrix between the concentric circles (mm).
+    With a `reference` its pose follows, and each candidate's row has the errors to it: the distance (mm) of TV and
+    the angle (deg) of UN.
     """
+    known = {} if reference is None else reference.poses(result)
     seen = set()
     for circle in result.circles:
         if (circle.instance, circle.method) in seen:
             continue
         seen.add((circle.instance, circle.method))
         scene = _scene(result, circle)
+        true = known.get(_key(circle))
         if not circle.candidates:
             yield {"Scene": scene, "UN": circle.status}
         order = sorted(range(len(circle.candidates)), key=lambda number: number != circle.chosen)
@@ -90,9 +104,29 @@ def table2_rows(result: ImageResult) -> Iterator[Row]:
                 "UN": _vector(candidate.normal),
                 "TV": _vector(candidate.center),
                 "GCC": candidate.generatrix_mm,
+                "TV error (mm)": _distance(candidate.center, true),
+                "UN error (deg)": _angle_deg(candidate.normal, true),
+            }
+        if true is not None:
+            yield {
+                "Scene": scene,
+                "Candidate": "reference",
+                "UN": None if true.normal is None else Vector(true.normal),
+                "TV": None if true.center_mm is None else Vector(true.center_mm),
+                "GCC": _reference_generatrix(result, circle, known),
             }
     if not result.circles or tables.stands_for_missing(result):
         yield {"Scene": result.image, "UN": result.status}
+
+
+def columns_and_rows(
+    layout: Layout, reference: Reference | None = None
+) -> tuple[tuple[str, ...], Callable[[ImageResult], Iterator[Row]]]:
+    """Return the columns of a printed layout, and what makes the rows of a result; `reference` for `table2`."""
+    columns, rows_of = PRINTED[layout]
+    if layout == "table2" and reference is not None:
+        return (*columns, *TABLE2_ERRORS), lambda result: table2_rows(result, reference)
+    return columns, rows_of
 
 
 PRINTED: Mapping[Layout, tuple[tuple[str, ...], Callable[[ImageResult], Iterator[Row]]]] = {
@@ -107,13 +141,20 @@ def printed(row: Row, columns: Iterable[str]) -> Row:
     return {column: _print(row.get(column), _DECIMALS.get(column, 6)) for column in columns}
 
 
-def write_results(results: Iterable[ImageResult], handle: TextIO, *, data_format: DataFormat, layout: Layout) -> None:
-    """Write all `results` to `handle` in one of the data formats and layouts."""
+def write_results(
+    results: Iterable[ImageResult],
+    handle: TextIO,
+    *,
+    data_format: DataFormat,
+    layout: Layout,
+    reference: Reference | None = None,
+) -> None:
+    """Write all `results` to `handle` in one of the data formats and layouts; `reference` for `table2`."""
     if layout == "poses":
         writers = {"csv": tables.write_csv, "json": records.write_json, "jsonl": records.write_jsonl}
         writers[data_format](results, handle)
         return
-    columns, rows_of = PRINTED[layout]
+    columns, rows_of = columns_and_rows(layout, reference)
     schema = f"circlepose.{layout}/1"
 
     def printed_rows(result: ImageResult) -> Iterator[Row]:
@@ -144,6 +185,43 @@ def _scene(result: ImageResult, circle: CircleResult) -> str:
     if len({c.method for c in result.circles}) > 1:
         parts.append(circle.method)
     return f"{result.image} [{' '.join(parts)}]" if parts else result.image
+
+
+def _key(circle: CircleResult) -> CircleKey:
+    return circle.instance, circle.circle, circle.method
+
+
+def _distance(center: FloatArray, true: TabledPose | None) -> float | None:
+    if true is None or true.center_mm is None:
+        return None
+    return float(np.linalg.norm(center - true.center_mm))
+
+
+def _angle_deg(normal: FloatArray, true: TabledPose | None) -> float | None:
+    if true is None or true.normal is None:
+        return None
+    return math.degrees(2.0 * math.asin(min(1.0, float(np.linalg.norm(normal - true.normal)) / 2.0)))
+
+
+def _reference_generatrix(
+    result: ImageResult, circle: CircleResult, known: Mapping[CircleKey, TabledPose]
+) -> float | None:
+    """Return the generatrix of the reference's two circles, where `circle` is the big one of a coaxial target."""
+    small = next(
+        (
+            other
+            for other in result.circles
+            if (other.instance, other.method, other.circle) == (circle.instance, circle.method, "small")
+        ),
+        None,
+    )
+    if small is None or circle.circle != "big" or _key(small) not in known:
+        return None
+    poses = known[_key(circle)], known[_key(small)]
+    if any(pose.center_mm is None or pose.normal is None for pose in poses):
+        return None
+    big_pose, small_pose = ((np.array(pose.center_mm), np.array(pose.normal)) for pose in poses)
+    return float(generatrix_length(*big_pose, circle.radius_mm, *small_pose, small.radius_mm))
 
 
 def _vector(values: FloatArray) -> Vector:

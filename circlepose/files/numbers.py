@@ -11,6 +11,8 @@ from circlepose.camera import Camera, LensModel
 from circlepose.errors import CalibrationError
 from circlepose.files.schema import shown
 
+_LARGEST = 1e9
+
 
 def number(value: object, where: str, key: str) -> float:
     """Return one number; raises `CalibrationError` naming file and key."""
@@ -72,12 +74,28 @@ def build_camera(
 ) -> Camera:
     """Build the camera from (key in the file, value) pairs, so that messages carry the file's own keys."""
     try:
-        return Camera.create(matrix[1], dist[1], size, model)
+        # Numbers that overflow are told below, in words.
+        with np.errstate(over="ignore", invalid="ignore"):
+            camera = Camera.create(matrix[1], dist[1], size, model)
     except CalibrationError as reason:
         text = str(reason)
         for ours, theirs in (("camera_matrix:", matrix[0]), ("dist_coeffs:", dist[0])):
             text = text.replace(ours, f"{theirs}:")
         raise CalibrationError(f"{where}: {text}") from None
+    _refuse_absurd(camera, where, matrix[0], dist[0])
+    return camera
+
+
+def _refuse_absurd(camera: Camera, where: str, matrix_key: str, dist_key: str) -> None:
+    """Refuse numbers that no camera has and with which sums overflow."""
+    shortest = float(min(camera.camera_matrix[0, 0], camera.camera_matrix[1, 1]))
+    if shortest < 1.0 / _LARGEST:
+        raise CalibrationError(f"{where}: {matrix_key}: a focal length of {shortest:g} px cannot be meant.")
+    sizes = ("image size", np.array(camera.image_size or (), dtype=np.float64))
+    for key, values in ((matrix_key, camera.camera_matrix), (dist_key, camera.dist_coeffs), sizes):
+        largest = float(np.abs(values).max(initial=0.0))
+        if largest > _LARGEST:
+            raise CalibrationError(f"{where}: {key}: holds a number as large as {largest:g}, which cannot be meant.")
 
 
 def _grid(value: object, where: str, key: str) -> FloatArray:

@@ -9,7 +9,7 @@ from circlepose._typing import FloatArray
 from circlepose.camera import Camera, LensModel
 from circlepose.errors import CalibrationError
 from circlepose.files import numbers
-from circlepose.files.schema import shown
+from circlepose.files.schema import shown, some_keys
 from circlepose.files.yaml_text import MatrixNode
 
 NAME = "OpenCV FileStorage"
@@ -32,13 +32,13 @@ def read(entries: Mapping[str, object], where: str, camera_name: str | None) -> 
     """Return the camera of a FileStorage file and remarks; `camera_name` picks one of several, as `2` or `M2`."""
     matrices = _keys(entries, _MATRIX_KEY, where)
     if not matrices:
-        raise CalibrationError(f"{where}: camera_matrix: is missing; found the keys {', '.join(list(entries)[:12])}.")
+        raise CalibrationError(f"{where}: camera_matrix: is missing; found the keys {some_keys(entries)}.")
     end, notes = _choose(matrices, where, camera_name)
     matrix_key = matrices[end]
     dist_key = _keys(entries, _DIST_KEY, where).get(end)
     if dist_key is None:
         raise CalibrationError(
-            f"{where}: distortion_coefficients: is missing (found {', '.join(list(entries)[:12])}); "
+            f"{where}: distortion_coefficients: is missing (found {some_keys(entries)}); "
             "if the lens has no distortion, give 5 zeros."
         )
     dist = numbers.coefficients(entries[dist_key], where, dist_key)
@@ -81,12 +81,12 @@ def _choose(matrices: dict[str, str], where: str, camera_name: str | None) -> tu
             if camera_name.lower() in {key.lower(), end}:
                 return end, ()
         raise CalibrationError(
-            f"{where}: holds no camera {camera_name!r}; its camera matrices are {', '.join(matrices.values())}."
+            f"{where}: holds no camera {camera_name!r}; its camera matrices are {some_keys(matrices.values())}."
         )
     end = min(matrices)
     if len(matrices) == 1:
         return end, ()
-    return end, (f"{matrices[end]} taken, of the {len(matrices)} cameras {', '.join(matrices.values())}",)
+    return end, (f"{matrices[end]} taken, of the {len(matrices)} cameras {some_keys(matrices.values())}",)
 
 
 def _model(entries: Mapping[str, object], where: str) -> tuple[LensModel, bool]:

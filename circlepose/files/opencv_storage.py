@@ -12,12 +12,13 @@ from xml.etree import ElementTree
 
 from circlepose._typing import FloatArray
 from circlepose.errors import CalibrationError
+from circlepose.files.schema import shown
 from circlepose.files.yaml_text import MatrixNode, parse_yaml
 
 _MATRIX_TYPES = ("opencv-matrix", "opencv-nd-matrix")
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?\.(?i:inf)|\.(?i:nan)")
-# Strings are matched first, so that nothing inside one is touched.
-_JSON_QUIRK = re.compile(r'("(?:\\.|[^"\\])*")|//[^\n]*|(-?)\.(Nan|Inf)\b|(\d\.)(?=[^\d])')
+# Strings are matched first, so that nothing inside one is touched; one without an end, so that none is sought again.
+_JSON_QUIRK = re.compile(r'("(?:\\(?s:.)|[^"\\])*(?:"|\\?\Z))|//[^\n]*|(-?)\.(Nan|Inf)\b|(\d\.)(?=[^\d])')
 
 
 def parse_storage(text: str, name: str) -> tuple[dict[str, object], bool]:
@@ -79,7 +80,7 @@ def _json_object(pairs: list[tuple[str, object]]) -> dict[str, object]:
     entries: dict[str, object] = {}
     for key, value in pairs:
         if key in entries:
-            raise ValueError(f"the key {key!r} is given twice")
+            raise ValueError(f"the key {shown(key)} is given twice")
         entries[key] = value
     return MatrixNode(entries) if entries.get("type_id") in _MATRIX_TYPES else entries
 

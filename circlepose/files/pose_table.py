@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from circlepose.counterparts import PoseTable, TabledCircle, TabledPose, Vector
 from circlepose.errors import UsageError
-from circlepose.files.schema import shown
+from circlepose.files.schema import brief, shown
 from circlepose.files.table_rows import Form, TableRow, read_rows
 from circlepose.pose import Status
 
@@ -101,7 +101,10 @@ def _poses(rows: Sequence[TableRow]) -> PoseTable:
         elif status == Status.OK:
             raise UsageError(f"{row.where}: circle: is empty, though status is ok.")
         elif image_status.setdefault(image, status) != status:
-            raise UsageError(f"{row.where}: status: is {status}, but {image} had {image_status[image]} before.")
+            raise UsageError(
+                f"{row.where}: status: is {brief(status)}, but {brief(image)} had "
+                f"{brief(image_status[image])} before."
+            )
     circles = tuple(_circle(*key, group) for key, group in groups.items())
     return PoseTable(circles, image_status)
 
@@ -109,12 +112,12 @@ def _poses(rows: Sequence[TableRow]) -> PoseTable:
 def _circle(image: str, instance: int, circle: str, method: str, rows: Sequence[TableRow]) -> TabledCircle:
     """Return the circle whose candidates are `rows`."""
     status = rows[0].text("status")
-    where = f"{image}, {circle} {instance}, {method}"
+    where = brief(f"{image}, {circle} {instance}, {method}")
     if any(row.text("status") != status for row in rows):
         raise UsageError(f"{rows[1].where}: status: {where} has two different ones.")
     if status != Status.OK:
         if len(rows) > 1:
-            raise UsageError(f"{rows[1].where}: {where} is there twice, with status {status}.")
+            raise UsageError(f"{rows[1].where}: {where} is there twice, with status {brief(status)}.")
         return TabledCircle(image, instance, circle, method, status)
     by_number: dict[int, TableRow] = {}
     for row in rows:

@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Callable, Iterable
 from typing import Any, TextIO
 
 from circlepose import __version__
-from circlepose.files.tables import Row, candidate_fields, circle_fields, text
+from circlepose.files.names import quoted
+from circlepose.files.tables import Row, candidate_fields, circle_fields
 from circlepose.pose import CircleResult, ImageResult
 
 POSES_SCHEMA = "circlepose.poses/1"
+
+# Those that JSON lets pass: a terminal may act on them, or a reader take them for the end of a line.
+_CONTROLS = re.compile("[\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
 
 
 def image_record(result: ImageResult) -> Row:
@@ -126,8 +131,9 @@ def write_json_lines(
 
 
 def dumps(record: Row) -> str:
-    """Return `record` as one line of strict JSON."""
-    return json.dumps(_plain(record), ensure_ascii=False, allow_nan=False)
+    """Return `record` as one line of strict JSON, in which no control character stands as it is."""
+    line = json.dumps(_plain(record), ensure_ascii=False, allow_nan=False)
+    return _CONTROLS.sub(lambda match: f"\\u{ord(match[0]):04x}", line)
 
 
 def _plain(value: Any) -> Any:
@@ -137,7 +143,7 @@ def _plain(value: Any) -> Any:
     if isinstance(value, list):
         return [_plain(entry) for entry in value]
     if isinstance(value, str):
-        return text(value)
+        return quoted(value, keep_controls=True)
     if isinstance(value, float):
         # Adding zero turns a negative zero into a plain one.
         return float(value) + 0.0 if math.isfinite(value) else None

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from circlepose.camera import Camera, LensModel
 from circlepose.errors import CalibrationError
 from circlepose.files import numbers
+from circlepose.files.schema import shown, some_keys
 from circlepose.files.yaml_text import MatrixNode
 
 NAME = "ROS camera_info"
@@ -33,7 +34,8 @@ def read(entries: Mapping[str, object], where: str, camera_name: str | None) -> 
     """Return the camera of a camera_info and remarks; `camera_name`, if given, must be the file's own."""
     own_name = entries.get("camera_name")
     if camera_name is not None and camera_name != own_name:
-        raise CalibrationError(f"{where}: holds no camera {camera_name!r}, only {own_name or 'one without a name'}.")
+        only = some_keys([own_name]) if isinstance(own_name, str) and own_name else "one without a name"
+        raise CalibrationError(f"{where}: holds no camera {camera_name!r}, only {only}.")
     _check_window(entries, where)
     matrix_key = _first(entries, ("camera_matrix", "K", "k"), where)
     dist_key = _first(entries, ("distortion_coefficients", "D", "d"), where)
@@ -56,7 +58,7 @@ def _model(entries: Mapping[str, object], dist: list[float], dist_key: str, wher
         return "pinhole"
     if not isinstance(name, str) or name not in _MODELS:
         problem = "is missing; " if name is None else ""
-        got = "" if name is None else f", got {name!r}"
+        got = "" if name is None else f", got {shown(name)}"
         raise CalibrationError(f"{where}: distortion_model: {problem}expected one of {', '.join(_MODELS)}{got}.")
     model, counts = _MODELS[name]
     if len(dist) not in counts:
@@ -83,6 +85,6 @@ def _check_window(entries: Mapping[str, object], where: str) -> None:
     for key, value in window.items():
         if value not in (0, 1) if key.startswith("binning") else value != 0:
             raise CalibrationError(
-                f"{where}: {key}: is {value}; images that are binned or cut out are not supported, "
+                f"{where}: {key}: is {shown(value)}; images that are binned or cut out are not supported, "
                 "calibrate them as they are and leave this key at 0."
             )

@@ -43,12 +43,26 @@ def unknown_key(key: str, known: Iterable[str]) -> str:
     names = list(known)
     near = get_close_matches(key.lower(), names, n=1, cutoff=0.7)
     hint = f"did you mean {near[0]}?" if near else f"the keys are {', '.join(names)}."
-    return f"{key}: is no known key; {hint}"
+    return f"{some_keys([key])}: is no known key; {hint}"
 
 
 def shown(value: object) -> str:
     """Return a short text of a value found in a file."""
-    return reprlib.repr(value) if not isinstance(value, str) else repr(value[:40])
+    if isinstance(value, str):
+        return repr(value[:40])
+    text = reprlib.repr(value)
+    return text if len(text) <= 120 else f"{text[:120]}..."
+
+
+def brief(text: str) -> str:
+    """Return a text found in a file, or the beginning of a long one, for a message."""
+    return text if len(text) <= 200 else f"{text[:200]}..."
+
+
+def some_keys(entries: Iterable[str]) -> str:
+    """Return the first of the keys found in a file, for a message."""
+    keys = list(entries)
+    return ", ".join([key if len(key) <= 40 else f"{key[:40]}..." for key in keys[:12]] + ["..."] * (len(keys) > 12))
 
 
 def _sentence(form: type[Strict], entries: Mapping[str, object], detail: ErrorDetails) -> str:

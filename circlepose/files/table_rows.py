@@ -11,9 +11,10 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from circlepose.errors import UsageError
+from circlepose.files.names import unquoted
 from circlepose.files.records import POSES_SCHEMA
-from circlepose.files.schema import shown
-from circlepose.files.tables import COLUMNS, spreadsheet_text
+from circlepose.files.schema import brief, shown
+from circlepose.files.tables import COLUMNS, csv_text
 from circlepose.pose import Status
 
 Form = Literal["csv", "json", "jsonl"]
@@ -74,19 +75,14 @@ def _csv_rows(text: str, name: str) -> tuple[Sequence[str], list[TableRow]]:
         raise UsageError(f"{name}: has no column image; expected a table of poses.")
     twice = [column for column, times in Counter(columns).items() if times > 1]
     if twice:
-        raise UsageError(f"{name}: has two columns {twice[0] or 'without a name'}.")
+        raise UsageError(f"{name}: has two columns {brief(twice[0]) or 'without a name'}.")
     rows = []
     for number, line in lines[1:]:
         where = f"{name}, line {number}"
         if len(line) != len(columns):
             raise UsageError(f"{where}: has {len(line)} cells, the header {len(columns)}; is the file cut short?")
-        rows.append(TableRow(where, dict(zip(columns, map(_without_guard, line), strict=True))))
+        rows.append(TableRow(where, dict(zip(columns, map(csv_text, line), strict=True))))
     return columns, rows
-
-
-def _without_guard(cell: str) -> str:
-    """Take off the apostrophe that keeps a spreadsheet from running a name as a formula."""
-    return cell[1:] if cell.startswith("'") and spreadsheet_text(cell[1:]) == cell else cell
 
 
 def _json_images(text: str, name: str) -> tuple[Form, list[tuple[str, dict[str, Any]]]]:
@@ -140,7 +136,7 @@ def _rows_of_image(where: str, image: object) -> Iterator[TableRow]:
 
 def _cells(fields: Mapping[str, Any]) -> dict[str, str]:
     return {
-        column: str(value).lower() if isinstance(value, bool) else str(value)
+        column: str(value).lower() if isinstance(value, bool) else unquoted(str(value))
         for column, value in fields.items()
         if column in COLUMNS and value is not None
     }

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import TextIO, TypeAlias
 
 from circlepose._typing import FloatArray
+from circlepose.files.names import guarded, quoted, unguarded, unquoted
 from circlepose.pose import Candidate, CircleResult, ImageResult, Status
 
 Row: TypeAlias = dict[str, object]
@@ -52,7 +53,6 @@ COLUMN_MEANING: Mapping[str, str] = {
 COLUMNS: tuple[str, ...] = tuple(COLUMN_MEANING)
 
 _DECIMALS = {name: 9 if name.startswith("normal_") else 4 if name.endswith("_px") else 6 for name in COLUMNS}
-_FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r", "\n")
 
 
 def pose_rows(result: ImageResult) -> Iterator[Row]:
@@ -140,7 +140,7 @@ def cell(column: str, value: object) -> str:
         return "true" if value else "false"
     if isinstance(value, float):
         return fixed(value, _DECIMALS.get(column, 6))
-    return text(str(value))
+    return quoted(str(value))
 
 
 def fixed(value: float, decimals: int) -> str:
@@ -149,18 +149,6 @@ def fixed(value: float, decimals: int) -> str:
         return ""
     # Adding zero turns a negative zero into a plain one.
     return f"{round(value, decimals) + 0.0:.{decimals}f}"
-
-
-def text(value: str) -> str:
-    """Return `value` safe to write as UTF-8: bytes of a file name that are none become escapes."""
-    return value.encode("utf-8", "backslashreplace").decode("utf-8")
-
-
-def spreadsheet_text(value: str) -> str:
-    """Return `value` with an apostrophe before it where a spreadsheet would run it as a formula."""
-    safe = f"'{value}" if value.startswith(_FORMULA_STARTS) else value
-    # Python's csv leaves a lone carriage return unquoted, and readers then see a line end.
-    return safe.replace("\r", "\\r")
 
 
 def write_csv(results: Iterable[ImageResult], handle: TextIO) -> None:
@@ -180,10 +168,16 @@ def write_csv_rows(
     handle.flush()
     for result in results:
         for row in rows_of(result):
-            writer.writerow([_csv_cell(column, row.get(column)) for column in columns])
+            writer.writerow([csv_cell(column, row.get(column)) for column in columns])
         handle.flush()
 
 
-def _csv_cell(column: str, value: object) -> str:
+def csv_cell(column: str, value: object) -> str:
+    """Return `cell` with texts, but not numbers, kept from being run as formulas; `csv_text` reads it back."""
     shown = cell(column, value)
-    return spreadsheet_text(shown) if isinstance(value, str) else shown
+    return guarded(shown) if isinstance(value, str) else shown
+
+
+def csv_text(shown: str) -> str:
+    """Return the text that a cell of a CSV table stands for."""
+    return unquoted(unguarded(shown))

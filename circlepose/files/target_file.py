@@ -17,7 +17,10 @@ from circlepose.files.schema import Strict, parse, shown
 from circlepose.files.source import Source, read_source
 from circlepose.files.yaml_text import parse_yaml
 from circlepose.target import KINDS, POLARITIES, AxisIntervals, Kind, Polarity, Target
+from circlepose.target_hints import NORMAL_SPREAD_DEG, SIDES, UP_SPREAD_DEG, Direction, DirectionHint, Side
 
+_Triple = Annotated[list[float], Field(min_length=3, max_length=3)]
+_DIRECTION = "a direction [x, y, z] in the camera frame (x right, y down, z forward)"
 _Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
 _AXIS = "[shortest, longest] full length of that axis in px"
 _IN_RADIUS_MM = {
@@ -35,6 +38,11 @@ class _AxisIntervals(Strict):
     minor: _Pair | None = Field(None, description=_AXIS)
 
 
+class _DirectionHint(Strict):
+    direction: _Triple = Field(description=_DIRECTION)
+    spread_deg: float | None = Field(None, description="a positive angle in degrees")
+
+
 class _TargetForm(Strict):
     kind: Kind | None = Field(None, description=f"one of {', '.join(KINDS)}")
     radius_mm: float | None = Field(None, description="one number, the radius (not the diameter) in mm")
@@ -48,6 +56,9 @@ class _TargetForm(Strict):
     axis_intervals_px: _AxisIntervals | None = Field(None, description="a mapping with the keys major and minor")
     depth_range_mm: _Pair | None = Field(None, description="[nearest, farthest] distance in mm")
     coplanar: bool = Field(False, description="true or false")
+    normal_hint: _DirectionHint | None = Field(None, description=f"a mapping with direction: {_DIRECTION}")
+    up_hint: _DirectionHint | None = Field(None, description=f"a mapping with direction: {_DIRECTION}")
+    facing: Side | _Triple | None = Field(None, description=f"{', '.join(SIDES)}, or {_DIRECTION}")
 
 
 def read_target(source: Source) -> Target:
@@ -63,7 +74,7 @@ def target_from_mapping(mapping: Mapping[str, object], where: str) -> Target:
     """Return the target that a mapping describes; `where` (a file, or a key in it) begins every message.
 
     Keys: `kind`, `radius_mm` or `radii_mm`, `generatrix_mm` or `height_mm`, `count`, `polarity`,
-    `axis_intervals_px`, `depth_range_mm`, `coplanar`. Raises `TargetError`.
+    `axis_intervals_px`, `depth_range_mm`, `coplanar`, `normal_hint`, `up_hint`, `facing`. Raises `TargetError`.
     """
     _check_units(mapping, where)
     form = parse(_TargetForm, mapping, where, TargetError)
@@ -80,6 +91,9 @@ def target_from_mapping(mapping: Mapping[str, object], where: str) -> Target:
             axis_intervals=None if axes is None else AxisIntervals(_pair(axes.major), _pair(axes.minor)),
             depth_range_mm=_pair(form.depth_range_mm),
             coplanar=form.coplanar,
+            normal_hint=_hint(form.normal_hint, NORMAL_SPREAD_DEG),
+            up_hint=_hint(form.up_hint, UP_SPREAD_DEG),
+            facing=_triple(form.facing) if isinstance(form.facing, list) else form.facing,
         )
     except TargetError as reason:
         raise TargetError(f"{where}: {reason}") from None
@@ -103,6 +117,11 @@ def target_to_mapping(target: Target) -> dict[str, object]:
         mapping["depth_range_mm"] = list(target.depth_range_mm)
     if target.coplanar:
         mapping["coplanar"] = True
+    for key, hint in (("normal_hint", target.normal_hint), ("up_hint", target.up_hint)):
+        if hint is not None:
+            mapping[key] = {"direction": list(hint.direction), "spread_deg": hint.spread_deg}
+    if target.facing is not None:
+        mapping["facing"] = target.facing if isinstance(target.facing, str) else list(target.facing)
     return mapping
 
 
@@ -163,3 +182,13 @@ def _generatrix(form: _TargetForm, radii: tuple[float, ...]) -> float | None:
 
 def _pair(values: list[float] | None) -> tuple[float, float] | None:
     return None if values is None else (values[0], values[1])
+
+
+def _triple(values: list[float]) -> Direction:
+    return values[0], values[1], values[2]
+
+
+def _hint(form: _DirectionHint | None, spread_deg: float) -> DirectionHint | None:
+    if form is None:
+        return None
+    return DirectionHint(_triple(form.direction), spread_deg if form.spread_deg is None else form.spread_deg)

@@ -9,6 +9,10 @@ from typing import Any
 import yaml
 
 from circlepose.errors import CircleposeError
+from circlepose.files.schema import brief, shown
+
+MAX_VALUES = 150_000
+"""Numbers, texts, lists and mappings in a file; a calibration with all the points that it was made from has fewer."""
 
 
 class MatrixNode(dict[str, object]):
@@ -16,7 +20,34 @@ class MatrixNode(dict[str, object]):
 
 
 class _Loader(yaml.SafeLoader):
-    """YAML's core values only: PyYAML's own rules take 1e-3 for text, 010 for 8, 1:30 for 90 and `no` for false."""
+    """YAML's core values only: PyYAML's own rules take 1e-3 for text, 010 for 8, 1:30 for 90 and `no` for false.
+
+    A value that is named by aliases counts as often as it is named: a few lines of aliases of aliases are a bomb.
+    """
+
+    def __init__(self, stream: str) -> None:
+        super().__init__(stream)
+        self._values = 0
+        self._size_of: dict[yaml.Node, int] = {}
+
+    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
+        """Build the tree of a value; refuse one that holds itself, or more values than anyone means."""
+        is_alias = self.check_event(yaml.AliasEvent)
+        before = self._values
+        self._values += 1
+        node = super().compose_node(parent, index)
+        if node is None:
+            return None
+        if is_alias:
+            if node not in self._size_of:
+                raise yaml.composer.ComposerError(problem="a value holds itself", problem_mark=node.start_mark)
+            self._values += self._size_of[node]
+        else:
+            self._size_of[node] = self._values - before
+        if self._values > MAX_VALUES:
+            problem = f"it holds more than {MAX_VALUES} values"
+            raise yaml.composer.ComposerError(problem=problem, problem_mark=node.start_mark)
+        return node
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
         """Build a mapping; refuse a key that stands in it twice."""
@@ -24,7 +55,7 @@ class _Loader(yaml.SafeLoader):
         for key in (key for key, _ in node.value if isinstance(key, yaml.ScalarNode)):
             if key.value in seen:
                 raise yaml.constructor.ConstructorError(
-                    problem=f"the key {key.value!r} is given twice", problem_mark=key.start_mark
+                    problem=f"the key {shown(key.value)} is given twice", problem_mark=key.start_mark
                 )
             seen.add(key.value)
         return super().construct_mapping(node, deep)
@@ -74,10 +105,10 @@ def parse_yaml(text: str, name: str, error: type[CircleposeError]) -> dict[str, 
     except yaml.MarkedYAMLError as reason:
         mark = reason.problem_mark or reason.context_mark
         line = f", line {mark.line + 1}" if mark else ""
-        raise error(f"{name}{line}: is not valid YAML ({reason.problem or reason.context}).") from None
+        raise error(f"{name}{line}: is not valid YAML ({brief(reason.problem or reason.context or '')}).") from None
     except (yaml.YAMLError, ValueError) as reason:
         first_line = str(reason).partition("\n")[0]
-        raise error(f"{name}: is not valid YAML ({first_line}).") from None
+        raise error(f"{name}: is not valid YAML ({brief(first_line)}).") from None
     except RecursionError:
         raise error(f"{name}: is nested too deeply to be meant.") from None
     if len(documents) > 1:
