@@ -11,6 +11,7 @@ from circlepose.extraction.contour import Rejection
 from circlepose.extraction.find import find_contours
 from circlepose.extraction.grey import eight_bit, to_grey
 from circlepose.extraction.intervals import axis_intervals
+from circlepose.extraction.partial import in_runs
 from circlepose.extraction.rim import contour_normals, ellipse_rim, locate_edges, sample
 from circlepose.target import AxisIntervals, Target
 
@@ -107,6 +108,66 @@ def test_a_disc_touched_by_a_bar_is_found():
     np.testing.assert_allclose(found[0].ellipse.center, truth.center, atol=0.3)
 
 
+def covered(image: np.ndarray, part: Ellipse, first_deg: float, last_deg: float, level: int) -> np.ndarray:
+    """Hide the rim between two eccentric angles under a card, whose edge goes through both ends of that arc."""
+    at = np.radians([first_deg, (first_deg + last_deg) / 2.0, last_deg])
+    first, middle, last = np.stack([np.cos(at), np.sin(at), np.ones(3)], axis=-1) @ part.factor[:2].T
+    along = (last - first) / np.linalg.norm(last - first)
+    outwards = np.array([along[1], -along[0]])
+    outwards = outwards * np.sign(outwards @ (middle - first))
+    reach = (middle - first) @ outwards + 30.0
+    wide = 150.0 if last_deg - first_deg > 180.0 else 10.0
+    sides = np.array([first - wide * along, last + wide * along])
+    card = np.concatenate([sides, (sides + reach * outwards)[::-1]])
+    mask = np.zeros(image.shape, np.uint8)
+    cv2.fillPoly(mask, [np.rint(16.0 * card).astype(np.int32)], 255, shift=4)
+    soft = cv2.GaussianBlur(mask, (0, 0), 0.6) / 255.0
+    return np.rint(image + (level - image) * soft).astype(np.uint8)
+
+
+@pytest.mark.parametrize("arcs", [[(20.0, 160.0)], [(-30.0, 40.0), (120.0, 190.0)]], ids=["one arc", "two arcs"])
+@pytest.mark.parametrize("level", [30, 140, 230])
+def test_a_rim_hidden_by_four_tenths_is_found(arcs, level):
+    truth = ellipse()
+    image = draw(truth, noise=1.0)
+    for arc in arcs:
+        image = covered(image, truth, *arc, level)
+    found = find_contours(image, FREE, enough=1).contours
+    assert found
+    assert np.linalg.norm(found[0].ellipse.center - truth.center) < 1.0
+    assert abs(found[0].ellipse.semi_major - truth.semi_major) < 1.0
+    assert abs(found[0].ellipse.semi_minor - truth.semi_minor) < 1.0
+    # The cards' own edges along the rim are not taken for it.
+    assert found[0].rim_used < 0.75
+    assert np.abs(signed_distance(truth, found[0].points)).max() < 1.0
+
+
+def test_arcs_of_neighbours_make_no_circle():
+    """Dots in close rows: an ellipse around two of them runs along half of each."""
+    at = [(60.0 + 22.4 * (i + 0.5 * (j % 2)), 60.0 + 10.08 * j) for i in range(6) for j in range(4)]
+    dots = [ellipse(x, y, 8.0, 5.6, 0.0) for x, y in at]
+    for enough in (None, 30):
+        found = find_contours(draw(*dots, noise=1.0), FREE, enough=enough).contours
+        assert len(found) == len(dots)
+        assert max(float(c.ellipse.semi_major) for c in found) < 8.5
+
+
+def test_two_thirds_hidden_is_too_much():
+    truth = ellipse()
+    image = covered(draw(truth, noise=1.0), truth, -60.0, 180.0, 140)
+    assert not find_contours(image, FREE, enough=1).contours
+
+
+def test_only_long_runs_of_places_count():
+    which = np.array([1, 1, 1, 0, 0, 1, 1, 1, 1, 1, 1, 0, 0, 1, 0, 0, 1, 1], dtype=bool)
+    # Six in the middle; five over the seam; one alone.
+    expected = np.array([1, 1, 1, 0, 0, 1, 1, 1, 1, 1, 1, 0, 0, 0, 0, 0, 1, 1], dtype=bool)
+    np.testing.assert_array_equal(in_runs(which), expected)
+    np.testing.assert_array_equal(in_runs(np.roll(which, 5)), np.roll(expected, 5))
+    assert in_runs(np.ones(9, dtype=bool)).all()
+    assert not in_runs(np.arange(20) % 4 > 0).any()
+
+
 @pytest.mark.parametrize(
     "image", [np.zeros((5, 5)), np.full((200, 300), 255), np.eye(2) * 99], ids=["tiny", "white", "2x2"]
 )
@@ -191,7 +252,7 @@ CAMERA = Camera.create([[1000.0, 0, 320], [0, 1000.0, 240], [0, 0, 1]])
 def test_intervals_given_are_used():
     given = AxisIntervals(major_px=(10.0, 20.0))
     target = Target.circle(50.0, axis_intervals=given, depth_range_mm=(500.0, 1000.0))
-    assert axis_intervals(target, CAMERA, (640, 480)) is given
+    assert axis_intervals(target, CAMERA, (640, 480)) == given
 
 
 def test_intervals_from_radius_and_depth_hold_the_frontal_circle():

@@ -28,7 +28,7 @@ class Rejection(StrEnum):
     DUPLICATE = "same edge as a contour kept"
     INSIDE_ANOTHER = "concentric with and inside a larger contour"
     DEPTH = "depth outside its range"
-    NO_POSE = "no pose"
+    NO_POSE = "what is seen of its rim settles no pose"
     BEYOND_COUNT = "more than --count, with less evidence"
     NOT_IN_TARGET = "belongs to no complete target"
 

@@ -10,10 +10,12 @@ from circlepose._typing import BoolArray, Image
 from circlepose.conic import Ellipse, rim_distance
 from circlepose.extraction import EXTRACTIONS
 from circlepose.extraction.candidates import rough_ellipses
-from circlepose.extraction.contour import WANTED_SIGN, Contour, Extraction, Rejection
+from circlepose.extraction.contour import Contour, Extraction, Rejection
 from circlepose.extraction.grey import eight_bit
-from circlepose.extraction.rim import RimEdges, ellipse_rim, locate_edges
+from circlepose.extraction.partial import PartialRim, in_runs, partial_rim
+from circlepose.extraction.rim import RimEdges, edges_along
 from circlepose.extraction.slivers import find_slivers
+from circlepose.extraction.verify import Candidates
 from circlepose.fitting.direct import Contours, fit_ellipses
 from circlepose.fitting.thin_ellipse import THIN_PX, are_thin
 from circlepose.target import AxisIntervals, Polarity
@@ -22,22 +24,20 @@ _FIRST_REACH_PX = 4.0
 _LAST_REACH_PX = 2.5
 _PLACES = 72
 """Places along the rim at which a candidate is verified."""
-_LEAST_RIM = 0.55
+_LEAST_EDGES = 0.27
+"""Share of the places along a candidate that must have an edge."""
 _LEAST_STEP = 0.012
 """Lowest edge, as a share of the grey range in use."""
-_TOLERANCE_PX = 0.75
-_TOLERANCE_SHARE = 0.008
-"""An edge belongs to the rim when it is within this (px, or share of the semi-major axis) of the ellipse."""
-_RAGGED_PX = 0.2
-_RAGGED_SHARE = 0.004
-"""Largest rms distance from the ellipse: pixel noise, and what lens distortion bends within a large one."""
-_CLEAN_RIM = 0.8
-"""Share of the rim wanted where the edge is half as ragged as it may be, or more."""
-_CLEAN_THIN = 0.95
-"""Share of the rim wanted of a thin ellipse, which any two neighbouring edges resemble."""
 _LEAST_KIN = 0.2
 """Edges weaker than this share of the typical one of the image's circles are none of the kind."""
-_LEAST_AXES_PX = (6.0, 3.0)
+_LEAST_IN_RUNS = 0.3
+"""Share of a candidate's rim that must agree in long runs to look for the rest of a partly hidden one."""
+_WHOLE = 0.8
+_EXPLAINED_PX = 1.0
+_MOST_EXPLAINED = 0.3
+"""Share of a partly hidden rim that may stand on the edges of rims that are seen whole, or nearly."""
+_MOST_PARTIAL = 6
+"""Candidates of one image so looked at, the most evident first."""
 
 
 def find_contours(
@@ -60,7 +60,7 @@ def find_contours(
     rough = _without_repeats(rough)
     # Only where there is a length to expect: every thin line would be a circle seen edge-on.
     thin = are_thin(rough) if intervals.major_px is not None else np.zeros(len(rough), dtype=np.bool_)
-    contours = _find_open(levels, rough[~thin], intervals, polarity, keep_concentric, rejected)
+    contours = _find_open(levels, rough[~thin], intervals, polarity, keep_concentric, enough, rejected)
     if (intervals.minor_px is not None and intervals.minor_px[0] < 2.0 * THIN_PX) or (
         enough is not None and len(contours) < enough
     ):
@@ -75,29 +75,27 @@ def _find_open(
     intervals: AxisIntervals,
     polarity: Polarity,
     keep_concentric: bool,
+    enough: int | None,
     rejected: Counter[Rejection],
 ) -> list[Contour]:
     """Contours with an inside wider than the blur, verified on the edge along their rims."""
     for reach in (_FIRST_REACH_PX, _LAST_REACH_PX):
         if len(rough) == 0:
             return []
-        edges = _edges_along(levels, rough, reach)
+        edges = edges_along(levels, rough, reach, _PLACES)
         rough, alive = _refit(edges, rejected)
-        edges = _rows(edges, alive)
-    return _verify(levels, rough, edges, intervals, polarity, keep_concentric, rejected)
-
-
-def _edges_along(levels: Image, ellipse: Ellipse, reach_px: float) -> RimEdges:
-    points, normals = ellipse_rim(ellipse, _PLACES)
-    # In a small or thin ellipse the search must not come out on the other side.
-    reach = np.minimum(reach_px, np.maximum(0.45 * ellipse.semi_minor + 0.5, 1.0))
-    return locate_edges(levels, points, normals, reach)
-
-
-def _rows(edges: RimEdges, which: BoolArray) -> RimEdges:
-    return RimEdges(
-        edges.points[which], edges.offset_px[which], edges.step[which], edges.valid[which], edges.polarity[which]
-    )
+        edges = edges[alive]
+    if len(rough) == 0:
+        return []
+    least_step = _LEAST_STEP * float(np.ptp(levels[::8, ::8])) + 1e-9
+    found = Candidates.of(rough, edges)
+    kept, reasons = _selected(found, intervals, polarity, least_step, keep_concentric)
+    partial = _partial_rims(levels, found, kept, reasons, enough)
+    if partial:
+        found = found.joined_with(Candidates.of_partial(partial))
+        kept, reasons = _selected(found, intervals, polarity, least_step, keep_concentric)
+    rejected.update(reasons.values())
+    return [found.contour(i) for i in kept]
 
 
 def _refit(edges: RimEdges, rejected: Counter[Rejection]) -> tuple[Ellipse, BoolArray]:
@@ -111,78 +109,55 @@ def _refit(edges: RimEdges, rejected: Counter[Rejection]) -> tuple[Ellipse, Bool
         scale = 1.5 * np.median(np.where(edges.valid, np.abs(residual), 1e6), axis=1)
         scale = np.clip(scale, 0.1, 1.0)[:, None]
         weights = edges.valid / (1.0 + (residual / scale) ** 2) ** 2
-    found &= edges.valid.sum(axis=1) >= 0.5 * _LEAST_RIM * places
+    found &= edges.valid.sum(axis=1) >= _LEAST_EDGES * places
     rejected[Rejection.TOO_LITTLE_RIM] += int(np.sum(~found))
     return fitted[found], found
 
 
-def _verify(
-    levels: Image,
-    ellipse: Ellipse,
-    edges: RimEdges,
-    intervals: AxisIntervals,
-    polarity: Polarity,
-    keep_concentric: bool,
-    rejected: Counter[Rejection],
-) -> list[Contour]:
-    if len(ellipse) == 0:
-        return []
-    residual = rim_distance(ellipse, edges.points)
-    tolerance = np.maximum(_TOLERANCE_PX, _TOLERANCE_SHARE * ellipse.semi_major)[:, None]
-    on_rim = edges.valid & (np.abs(residual) <= tolerance)
-    share = on_rim.mean(axis=1)
-    count = np.maximum(on_rim.sum(axis=1), 1)
-    rms = np.sqrt(np.sum(np.where(on_rim, residual, 0.0) ** 2, axis=1) / count)
-    step = np.abs(np.sum(np.where(on_rim, edges.step, 0.0), axis=1)) / count
-    floor = _LEAST_STEP * float(np.ptp(levels[::8, ::8])) + 1e-9
-    ragged = rms / (_RAGGED_PX + _RAGGED_SHARE * ellipse.semi_major)
-    perimeter = np.pi * (ellipse.semi_major + ellipse.semi_minor)
-    evidence = share * perimeter * step / (1.0 + (rms / 0.5) ** 2)
-    # Where slivers are looked for, they have a way of their own.
-    thin = are_thin(ellipse) & ((intervals.major_px is not None) | (share < _CLEAN_THIN) | (ragged > 0.5))
+def _selected(
+    found: Candidates, intervals: AxisIntervals, polarity: Polarity, least_step: float, keep_concentric: bool
+) -> tuple[list[int], dict[int, Rejection]]:
+    """Return the candidates that are rims of the kind wanted, most evidence first, and why each other is not."""
+    reasons: dict[int, Rejection] = {}
     kept: list[int] = []
-    for i in np.argsort(-evidence, kind="stable"):
-        reason = None
-        if 2.0 * ellipse.semi_major[i] < _LEAST_AXES_PX[0] or (
-            intervals.minor_px is None and 2.0 * ellipse.semi_minor[i] < _LEAST_AXES_PX[1]
-        ):
-            reason = Rejection.TOO_SHORT
-        elif not intervals.holds_major(2.0 * float(ellipse.semi_major[i])):
-            reason = Rejection.MAJOR_AXIS
-        elif not intervals.holds_minor(2.0 * float(ellipse.semi_minor[i])):
-            reason = Rejection.MINOR_AXIS
-        elif thin[i]:
-            reason = Rejection.NOT_ELLIPTICAL
-        elif share[i] < (_LEAST_RIM if ragged[i] < 0.5 else _CLEAN_RIM):
-            reason = Rejection.TOO_LITTLE_RIM
-        elif ragged[i] > 1.0:
-            reason = Rejection.RAGGED
-        elif step[i] < floor:
-            reason = Rejection.WEAK_EDGE
-        elif WANTED_SIGN[polarity] * edges.polarity[i] < 0.0:
-            reason = Rejection.POLARITY
+    for i in np.argsort(-found.evidence, kind="stable").tolist():
+        reason = found.why_not(i, intervals, polarity, least_step)
         if reason is None:
-            kept.append(int(i))
+            kept.append(i)
         else:
-            rejected[reason] += 1
+            reasons[i] = reason
     if kept:
-        typical = float(np.average(step[kept], weights=evidence[kept]))
-        strong = [i for i in kept if step[i] >= _LEAST_KIN * typical]
-        rejected[Rejection.WEAK_EDGE] += len(kept) - len(strong)
-        kept = strong
-    kept = _distinct(ellipse, kept, keep_concentric, rejected)
-    return [
-        Contour(
-            points=edges.points[i][on_rim[i]],
-            ellipse=ellipse[i],
-            polarity=int(edges.polarity[i]),
-            step=float(step[i]),
-            rim_used=float(share[i]),
-            residual_px=float(rms[i]),
-            evidence=float(evidence[i]),
-        )
-        for i in kept
+        typical = float(np.average(found.step[kept], weights=found.evidence[kept]))
+        reasons |= {i: Rejection.WEAK_EDGE for i in kept if found.step[i] < _LEAST_KIN * typical}
+    repeated = _repeated(found.ellipse, [i for i in kept if i not in reasons], keep_concentric)
+    reasons |= repeated
+    return [i for i in kept if i not in reasons], reasons
+
+
+def _partial_rims(
+    levels: Image, found: Candidates, kept: list[int], reasons: dict[int, Rejection], enough: int | None
+) -> list[PartialRim]:
+    """Look again at candidates that agree with the edges in part, where one could be among the `enough` best."""
+    whole = [i for i in kept if found.share[i] > _WHOLE]
+    least = found.evidence[whole[enough - 1]] if enough is not None and len(whole) >= enough else 0.0
+    doubtful = [
+        i
+        for i, reason in reasons.items()
+        if reason in (Rejection.TOO_LITTLE_RIM, Rejection.RAGGED)
+        and found.evidence[i] > least
+        and in_runs(found.on_rim[i]).mean() >= _LEAST_IN_RUNS
     ]
+    rims = (partial_rim(levels, found.ellipse[i], _PLACES) for i in doubtful[:_MOST_PARTIAL])
+    return [rim for rim in rims if rim is not None and not _is_explained(rim, found.ellipse[whole])]
+
+
+def _is_explained(rim: PartialRim, whole: Ellipse) -> bool:
+    """Tell whether arcs of whole rims make up a good part of `rim`: it runs from one circle to its neighbour."""
+    points = rim.edges.points[0][rim.on_rim]
+    if len(whole) == 0 or len(points) == 0:
+        return False
+    near = np.abs(rim_distance(whole, np.broadcast_to(points, (len(whole), *points.shape)))) < _EXPLAINED_PX
+    return bool(near.any(axis=0).mean() > _MOST_EXPLAINED)
 
 
 def _same(first: Ellipse, others: Ellipse) -> BoolArray:
@@ -213,21 +188,18 @@ def _without_repeats(ellipse: Ellipse) -> Ellipse:
     return ellipse[np.sort(first)]
 
 
-def _distinct(ellipse: Ellipse, ranked: list[int], keep_concentric: bool, rejected: Counter[Rejection]) -> list[int]:
-    """Keep the first of each set of equal edges and, unless `keep_concentric`, the outermost of nested ones."""
+def _repeated(ellipse: Ellipse, ranked: list[int], keep_concentric: bool) -> dict[int, Rejection]:
+    """Tell which repeat an edge ranked higher or, unless `keep_concentric`, are inside others of the same centre."""
+    reasons: dict[int, Rejection] = {}
     kept: list[int] = []
     for i in ranked:
         if kept and np.any(_same(ellipse[i], ellipse[kept])):
-            rejected[Rejection.DUPLICATE] += 1
+            reasons[i] = Rejection.DUPLICATE
         else:
             kept.append(i)
-    if keep_concentric:
-        return kept
-    outer = []
-    for i in kept:
-        larger = [j for j in kept if ellipse.semi_major[j] > ellipse.semi_major[i]]
-        if np.any(_concentric(ellipse, i, larger)):
-            rejected[Rejection.INSIDE_ANOTHER] += 1
-        else:
-            outer.append(i)
-    return outer
+    if not keep_concentric:
+        for i in kept:
+            larger = [j for j in kept if ellipse.semi_major[j] > ellipse.semi_major[i]]
+            if np.any(_concentric(ellipse, i, larger)):
+                reasons[i] = Rejection.INSIDE_ANOTHER
+    return reasons

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import Self
 
 import numpy as np
 
@@ -31,6 +32,15 @@ class RimEdges:
     polarity: FloatArray
     """(m,) +1 the inside is darker, -1 it is brighter"""
 
+    def __getitem__(self, which: BoolArray) -> Self:
+        """Return the rims of the batch that `which` (m,) names."""
+        return type(self)(*(getattr(self, field.name)[which] for field in fields(self)))
+
+    @classmethod
+    def joined(cls, parts: list[Self]) -> Self:
+        """Join batches with equally many places."""
+        return cls(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(cls)))
+
 
 def ellipse_rim(ellipse: Ellipse, number: int) -> tuple[FloatArray, FloatArray]:
     """Return `number` rim points (m, number, 2) of m ellipses and the outward unit normals there."""
@@ -41,6 +51,14 @@ def ellipse_rim(ellipse: Ellipse, number: int) -> tuple[FloatArray, FloatArray]:
     cos, sin = np.cos(ellipse.angle)[..., None], np.sin(ellipse.angle)[..., None]
     normals = np.stack([cos * along - sin * across, sin * along + cos * across], axis=-1)
     return points, normals / np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-12)
+
+
+def edges_along(grey: Image, ellipse: Ellipse, reach_px: float, places: int) -> RimEdges:
+    """Find the edges near `places` along the rims of m ellipses (batch), no farther off than `reach_px`."""
+    points, normals = ellipse_rim(ellipse, places)
+    # In a small or thin ellipse the search must not come out on the other side.
+    reach = np.minimum(reach_px, np.maximum(0.45 * ellipse.semi_minor + 0.5, 1.0))
+    return locate_edges(grey, points, normals, reach)
 
 
 def contour_normals(points: FloatArray) -> FloatArray:

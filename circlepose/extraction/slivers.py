@@ -7,8 +7,9 @@ from collections import Counter
 import numpy as np
 
 from circlepose._typing import Image
-from circlepose.conic import Ellipse, signed_distance
+from circlepose.conic import Ellipse, rim_distance, signed_distance
 from circlepose.extraction.contour import WANTED_SIGN, Contour, Rejection
+from circlepose.extraction.partial import partial_rim
 from circlepose.extraction.rim import sample
 from circlepose.fitting.thin_ellipse import ThinEllipse, fit_thin_ellipse
 from circlepose.target import AxisIntervals, Polarity
@@ -18,6 +19,14 @@ _MOST = 12
 _WORST_RMS = 0.2
 """Largest rms residual, as a share of the sliver's highest level, with which it is believed."""
 _PLACES = 64
+_EDGE_PLACES = 72
+_LEAST_WIDE_PX = 3.0
+"""Semi-minor axis from which the edges of both sides can be placed."""
+_WIDEST = 0.3
+"""Axis ratio of what a fragment that looked thin may turn out to be."""
+_LEAST_SIDE = 0.25
+_LEAST_SIDES = 0.42
+"""Share of each side, and of both, that must lie on the sliver's ellipse."""
 _FRAGMENT_PX = 3.0
 """Semi-minor axis up to which noise breaks the edge of a line into pieces."""
 _STRETCH = 6.0
@@ -40,13 +49,39 @@ def find_slivers(
         if any(_lies_on(rough[i], other.ellipse) for other in found):
             rejected[Rejection.DUPLICATE] += 1
             continue
-        fitted = _fit_whole(levels, rough[i], intervals)
-        reason = fitted if isinstance(fitted, Rejection) else _why_not(fitted, intervals, polarity)
-        if reason is None and isinstance(fitted, ThinEllipse):
-            found.append(_contour(fitted))
+        contour = _from_both_sides(levels, rough[i]) or _from_levels(_fit_whole(levels, rough[i], intervals))
+        reason = contour if isinstance(contour, Rejection) else _why_not(contour, intervals, polarity)
+        if reason is None and isinstance(contour, Contour):
+            found.append(contour)
         elif reason is not None:
             rejected[reason] += 1
     return sorted(found, key=lambda contour: -contour.evidence)
+
+
+def _from_both_sides(levels: Image, rough: Ellipse) -> Contour | None:
+    """Return the contour of a sliver wide enough to have an edge on either side, hidden in part or not, or None."""
+    rim = partial_rim(levels, rough, _EDGE_PLACES)
+    if rim is None or not _LEAST_WIDE_PX <= rim.ellipse.semi_minor <= _WIDEST * rim.ellipse.semi_major:
+        return None
+    sides = rim.on_rim.reshape(2, -1).mean(axis=1)
+    if sides.min() < _LEAST_SIDE or sides.mean() < _LEAST_SIDES:
+        return None
+    # Next to a place that is covered an edge may be that of the cover.
+    sure = rim.on_rim & np.roll(rim.on_rim, 1) & np.roll(rim.on_rim, -1)
+    if not np.any(sure):
+        return None
+    step = float(np.mean(rim.edges.step[0][rim.on_rim]))
+    residual = rim_distance(rim.ellipse, rim.edges.points[0][sure])
+    share = float(rim.on_rim.mean())
+    return Contour(
+        points=rim.edges.points[0][sure],
+        ellipse=rim.ellipse,
+        polarity=1 if step > 0.0 else -1,
+        step=abs(step),
+        rim_used=share,
+        residual_px=float(np.sqrt(np.mean(residual**2))),
+        evidence=share * _perimeter(rim.ellipse) * abs(step),
+    )
 
 
 def _fit_whole(levels: Image, fragment: Ellipse, intervals: AxisIntervals) -> ThinEllipse | Rejection:
@@ -107,27 +142,32 @@ def _whole_line(levels: Image, fragment: Ellipse) -> Ellipse | None:
     )
 
 
-def _why_not(fitted: ThinEllipse, intervals: AxisIntervals, polarity: Polarity) -> Rejection | None:
-    if not intervals.holds_major(2.0 * float(fitted.ellipse.semi_major)):
+def _why_not(contour: Contour, intervals: AxisIntervals, polarity: Polarity) -> Rejection | None:
+    if not intervals.holds_major(2.0 * float(contour.ellipse.semi_major)):
         return Rejection.MAJOR_AXIS
-    if not intervals.holds_minor(2.0 * float(fitted.ellipse.semi_minor)):
+    if not intervals.holds_minor(2.0 * float(contour.ellipse.semi_minor)):
         return Rejection.MINOR_AXIS
+    return Rejection.POLARITY if WANTED_SIGN[polarity] * contour.polarity < 0.0 else None
+
+
+def _from_levels(fitted: ThinEllipse | Rejection) -> Contour | Rejection:
+    if isinstance(fitted, Rejection):
+        return fitted
     if fitted.rms_levels > _WORST_RMS * fitted.peak_levels:
         return Rejection.RAGGED
-    return Rejection.POLARITY if WANTED_SIGN[polarity] * fitted.contrast > 0.0 else None
-
-
-def _contour(fitted: ThinEllipse) -> Contour:
-    perimeter = np.pi * float(fitted.ellipse.semi_major + fitted.ellipse.semi_minor)
     return Contour(
-        points=fitted.ellipse.points(_PLACES),
+        points=fitted.seen_points(_PLACES),
         ellipse=fitted.ellipse,
         polarity=-1 if fitted.contrast > 0.0 else 1,
         step=fitted.peak_levels,
         rim_used=fitted.rim_used,
         residual_px=fitted.error_px,
-        evidence=perimeter * fitted.peak_levels,
+        evidence=_perimeter(fitted.ellipse) * fitted.peak_levels,
     )
+
+
+def _perimeter(ellipse: Ellipse) -> float:
+    return float(np.pi * (ellipse.semi_major + ellipse.semi_minor))
 
 
 def _lies_on(fragment: Ellipse, sliver: Ellipse) -> bool:

@@ -1,0 +1,97 @@
+"""Rims of which a good part is hidden: the places along a candidate that lie on one ellipse, without the rest.
+
+What hides a rim has edges of its own along it, which pull an ellipse fitted to all. So the fit is made to the
+places that agree with each other, and these must be long runs of the rim: chance agrees here and there only.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from circlepose._typing import BoolArray, Image
+from circlepose.conic import Ellipse, rim_distance
+from circlepose.extraction.rim import RimEdges, edges_along
+from circlepose.fitting.consensus import on_one_ellipse
+from circlepose.fitting.determination import axis_errors, curvature_radius
+from circlepose.fitting.direct import fit_ellipse
+
+_ROUNDS = 5
+_SETTLED_PX = 0.7
+_REACH_PX = 2.5
+_NEAR_PX = 0.2
+_NEAR_SHARE = 0.003
+"""An edge is on the ellipse when it is within this (px, plus share of the semi-major axis): noise and lens."""
+_SHORTEST_RUN = 5
+"""Fewer neighbouring places may agree by chance."""
+_LEAST_PLACES = 20
+_POLISHES = 2
+_SHARPEST_PX = 4.0
+"""Radius of curvature below which a profile across the rim meets its other side."""
+_ERROR_PX = 0.1
+_WORST_MAJOR = 0.04
+"""Standard deviation of the semi-major axis, as a share of it, beyond which the arcs leave it open."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PartialRim:
+    """An ellipse that long runs of edges lie on."""
+
+    ellipse: Ellipse
+    edges: RimEdges
+    """along it, a batch of one"""
+    on_rim: BoolArray
+    """(k,) the places that lie on it"""
+
+
+def partial_rim(levels: Image, start: Ellipse, places: int) -> PartialRim | None:
+    """Fit the ellipse near `start` that most of the edges at `places` along it agree on; None when they do not.
+
+    Of a thin ellipse the start may be one of its sides, or a part; the ends of its edge tell how it goes on.
+    """
+    ellipse = start
+    for _ in range(_ROUNDS):
+        before = ellipse
+        edges = edges_along(levels, before[None], _REACH_PX, places)
+        usable = edges.valid[0] & (curvature_radius(before, places) >= _SHARPEST_PX)
+        points = edges.points[0][usable]
+        if len(points) < _LEAST_PLACES:
+            return None
+        near_px = _NEAR_PX + _NEAR_SHARE * float(before.semi_major)
+        chosen = on_one_ellipse(points, near_px / 3.0)
+        for _ in range(_POLISHES):
+            fitted = fit_ellipse(points[chosen])
+            if fitted is None:
+                return None
+            ellipse = fitted
+            chosen = np.abs(rim_distance(ellipse, points)) <= near_px
+        if _moved(before, ellipse) < _SETTLED_PX:
+            break
+    on_rim = usable.copy()
+    on_rim[usable] = chosen
+    on_rim = in_runs(on_rim)
+    used = edges.points[0][on_rim]
+    if len(used) < _LEAST_PLACES or axis_errors(ellipse, used, _ERROR_PX)[0] > _WORST_MAJOR * ellipse.semi_major:
+        return None
+    return PartialRim(ellipse, edges, on_rim)
+
+
+def _moved(first: Ellipse, second: Ellipse) -> float:
+    """Return by how much (px) the ends of the axes differ, about."""
+    center = float(np.linalg.norm(second.center - first.center))
+    axes = abs(float(second.semi_major - first.semi_major)) + abs(float(second.semi_minor - first.semi_minor))
+    return center + axes
+
+
+def in_runs(which: BoolArray) -> BoolArray:
+    """Keep, of places along a closed contour (k,), the runs that are long enough not to be chance."""
+    if which.all():
+        return which
+    first = int(np.flatnonzero(~which)[0])
+    rolled = np.roll(which, -first)
+    bounds = np.flatnonzero(np.diff(np.concatenate([[False], rolled, [False]]).astype(np.int8)))
+    for begin, end in bounds.reshape(-1, 2):
+        if end - begin < _SHORTEST_RUN:
+            rolled[begin:end] = False
+    return np.asarray(np.roll(rolled, first))
