@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from circlepose.pose import Status as Status
     from circlepose.target import AxisIntervals as AxisIntervals
     from circlepose.target import Target as Target
+    from circlepose.target_hints import DirectionHint as DirectionHint
 
 __version__ = "0.1.0"
 
@@ -43,6 +44,7 @@ _HOME = {
     "CircleResult": "pose",
     "CircleposeError": "errors",
     "ConeKind": "cone",
+    "DirectionHint": "target_hints",
     "Ellipse": "conic",
     "Flag": "pose",
     "ImageResult": "pose",

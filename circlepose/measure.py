@@ -8,12 +8,14 @@ import numpy as np
 
 from circlepose._typing import FloatArray, Image
 from circlepose.camera import Camera
+from circlepose.cone import SIGNATURE
 from circlepose.conic import Ellipse
 from circlepose.extraction.contour import Contour
 from circlepose.extraction.rim import contour_normals, locate_edges
 from circlepose.fitting.consensus import local_scatter, on_one_ellipse
+from circlepose.fitting.determination import axis_errors
 from circlepose.fitting.direct import fit_ellipse
-from circlepose.fitting.thin_ellipse import are_thin, fit_thin_ellipse
+from circlepose.fitting.thin_ellipse import STRUCTURED, ThinEllipse, are_thin, fit_thin_ellipse
 from circlepose.fitting.viewing_cone import (
     ConeFit,
     SeenPoints,
@@ -22,6 +24,7 @@ from circlepose.fitting.viewing_cone import (
     fit_cone_to,
     rim_distance_px,
 )
+from circlepose.rim_modes import amounts_between
 
 _REACH_PX = 2.5
 _SPACING_PX = 1.5
@@ -43,6 +46,19 @@ _SCATTERS = 3.5
 _LEAST_AGREEING = 0.3
 """Share of the rim that must lie on one ellipse."""
 _THIN_PLACES = 180
+_STEP_PX = 1e-4
+_SEGMENT_SIGMAS = 3.0
+_WHOLE = 0.8
+"""Share of the rim up to which a part of it is taken to be hidden."""
+_LONG_PX = 30.0
+_LONGISH = 0.3
+_SHARP_PX = 5.0
+"""Semi-major axis, axis ratio and radius of curvature of long ellipses with tips where edges are biased."""
+_WORST_MAJOR = 0.005
+"""Standard deviation of the semi-major axis, as a share of it: with its tips hidden a sliver may be of any length."""
+_EDGE_ERROR_PX = 0.05
+_WORST_SPAN = 0.0005
+"""The same, from edges with this error each, none of which is biased in common with its neighbours."""
 _WORST_RMS = 0.25
 """Largest rms residual, as a share of the contrast, with which a fit to the levels is believed."""
 
@@ -62,6 +78,8 @@ class Rim:
     """+1: darker inside, -1: brighter inside"""
     axis_error_px: float
     """standard deviation of the semi-axes, from the scatter of the edges"""
+    modes_covariance: FloatArray | None = None
+    """(5, 5) of the `rim_modes` of the cone's factor; None where only edges were placed, whose errors go together"""
 
 
 def fit_rim(levels: Image, camera: Camera, contour: Contour, *, refine: bool = True) -> Rim | None:
@@ -69,9 +87,12 @@ def fit_rim(levels: Image, camera: Camera, contour: Contour, *, refine: bool = T
 
     Without `refine` the contour's own points are fitted and no edge is placed again.
     """
-    if are_thin(contour.ellipse):
-        thin = _thin_rim(levels, camera, contour.ellipse)
-        if thin is not None:
+    is_sliver = bool(are_thin(contour.ellipse))
+    has_sharp_tips = contour.rim_used < _FULL_RIM and _has_sharp_tips(contour.ellipse)
+    if is_sliver or has_sharp_tips:
+        thin = _thin_rim(levels, camera, contour)
+        # The edges of a sliver say little of its tips, and where a part is hidden these say how long it is.
+        if thin is not None or (is_sliver and contour.rim_used < _WHOLE):
             return thin
     fit = fit_cone(camera, contour.points)
     if fit is None:
@@ -100,7 +121,8 @@ def fit_rim(levels: Image, camera: Camera, contour: Contour, *, refine: bool = T
         if last:
             break
         factor = cone.factor
-    return rim_from_fit(camera, cone, used.pixels, len(used) / places, contour.polarity)
+    rim = rim_from_fit(camera, cone, used.pixels, len(used) / places, contour.polarity)
+    return None if rim is not None and has_sharp_tips and not _spans(rim) else rim
 
 
 def _place_edges(
@@ -124,10 +146,17 @@ def _with_all_near(fit: ConeFit, edges: SeenPoints, tolerance_px: float) -> tupl
     return None if again is None else (again, edges[near])
 
 
-def _thin_rim(levels: Image, camera: Camera, start: Ellipse) -> Rim | None:
+def _has_sharp_tips(ellipse: Ellipse) -> bool:
+    major, minor = float(ellipse.semi_major), float(ellipse.semi_minor)
+    return major > _LONG_PX and minor < _LONGISH * major and minor**2 / major < _SHARP_PX
+
+
+def _thin_rim(levels: Image, camera: Camera, contour: Contour) -> Rim | None:
     """Fit a rim whose two sides, and all of its tips, are too close for edges to be placed."""
-    fitted = fit_thin_ellipse(levels, start)
+    fitted = fit_thin_ellipse(levels, contour.ellipse, seen=contour.points)
     if fitted is None or fitted.rms_levels > _WORST_RMS * fitted.peak_levels:
+        return None
+    if fitted.rim_used < _FULL_RIM and not _is_settled(fitted):
         return None
     points = fitted.ellipse.points(_THIN_PLACES)
     factor = factor_from_ellipse(camera, fitted.ellipse)
@@ -135,8 +164,48 @@ def _thin_rim(levels: Image, camera: Camera, start: Ellipse) -> Rim | None:
         return None
     # There are no edge points, whose scatter the residuals would be.
     cone = ConeFit(factor, np.full(len(points), fitted.error_px))
-    polarity = -1 if fitted.contrast > 0.0 else 1
-    return Rim(cone, points, fitted.ellipse, fitted.rim_used, polarity, float(np.sqrt(fitted.covariance[3, 3])))
+    return Rim(
+        cone,
+        points,
+        fitted.ellipse,
+        fitted.rim_used,
+        -1 if fitted.contrast > 0.0 else 1,
+        axis_error_px=float(np.sqrt(fitted.covariance[3, 3])),
+        modes_covariance=_modes_covariance(camera, fitted, factor),
+    )
+
+
+def _is_settled(fitted: ThinEllipse) -> bool:
+    """Tell whether what is seen of a partly hidden sliver settles its length, and none of what hides it is left."""
+    error = float(np.sqrt(fitted.covariance[2, 2]))
+    return error < _WORST_MAJOR * float(fitted.ellipse.semi_major) and fitted.structure < STRUCTURED
+
+
+def _spans(rim: Rim) -> bool:
+    """Tell whether the edges of a rim with sharp tips, where they are biased, lie far enough around to settle it."""
+    error = float(axis_errors(rim.ellipse, rim.points, _EDGE_ERROR_PX)[0])
+    return error < _WORST_SPAN * float(rim.ellipse.semi_major)
+
+
+def _modes_covariance(camera: Camera, fitted: ThinEllipse, factor: FloatArray) -> FloatArray | None:
+    """Return the covariance (5, 5) of the modes of the cone with `factor`, from that of the ellipse in the image.
+
+    None where the ellipse may be a segment.
+    """
+    ellipse = fitted.ellipse
+    if float(ellipse.semi_minor) < _SEGMENT_SIGMAS * float(np.sqrt(fitted.covariance[3, 3])):
+        # A segment as far as can be told: its modes are not small.
+        return None
+    theta = np.array([*ellipse.center, ellipse.semi_major, ellipse.semi_minor, ellipse.angle])
+    columns = []
+    for i, step in enumerate((_STEP_PX, _STEP_PX, _STEP_PX, _STEP_PX, _STEP_PX / float(ellipse.semi_major))):
+        changed = theta + step * (np.arange(5) == i)
+        other = factor_from_ellipse(camera, Ellipse(changed[:2], changed[2], changed[3], changed[4]))
+        if other is None:
+            return None
+        columns.append(amounts_between(factor, other @ np.diag(SIGNATURE) @ other.T) / step)
+    slopes = np.stack(columns, axis=-1)
+    return np.asarray(slopes @ fitted.covariance @ slopes.T)
 
 
 def _without_outliers(edges: SeenPoints) -> tuple[ConeFit, SeenPoints] | None:

@@ -13,12 +13,16 @@ from circlepose.extraction.contour import Contour, Rejection
 from circlepose.extraction.find import find_contours
 from circlepose.extraction.grey import to_grey
 from circlepose.extraction.intervals import axis_intervals
+from circlepose.hinted import settled_by_hints
 from circlepose.measure import Rim, fit_rim
-from circlepose.plane_hint import settled_by_common_plane
 from circlepose.pose import CircleResult, Flag, ImageResult, Status
-from circlepose.rings import contradiction, find_ring_targets
+from circlepose.refinement import refined
+from circlepose.ring_doubts import contradiction
+from circlepose.rings import find_ring_targets
+from circlepose.second_rim import with_second_rims
 from circlepose.solutions import circle_results
 from circlepose.solvers import METHODS
+from circlepose.solvers.solve import solve
 from circlepose.target import Target
 
 
@@ -92,14 +96,23 @@ def estimate(
     rims = _rims(grey, camera, remaining, refine, rejected)
     incomplete = ""
     if lone:
-        circles = _lone_circles(rims, camera, target, methods, rejected)
+        chosen = _lone_rims(rims, camera, target, rejected)
+        if refine:
+            chosen = refined(grey, camera, chosen)
+        circles = [
+            result
+            for instance, rim in enumerate(chosen)
+            for result in circle_results(rim, camera, methods, target.radii_mm[0], instance, "disc")
+        ]
         rejected[Rejection.BEYOND_COUNT] += sum(1 for _ in remaining)
-        if target.coplanar:
-            circles = settled_by_common_plane(circles)
+        circles = settled_by_hints(circles, target)
     else:
         all_rims = list(rims)
+        if refine:
+            all_rims = refined(grey, camera, with_second_rims(grey, camera, all_rims, target))
         circles = find_ring_targets(all_rims, camera, target, methods, rejected)
-        incomplete = contradiction(all_rims, target)
+        if any(Flag.LONE_CIRCLE in circle.flags for circle in circles):
+            incomplete = contradiction(all_rims, camera, target)
     return _image_result(name, size, target, circles, rejected, incomplete)
 
 
@@ -115,30 +128,26 @@ def _rims(
             yield rim
 
 
-def _lone_circles(
-    rims: Iterator[Rim], camera: Camera, target: Target, methods: tuple[str, ...], rejected: Counter[Rejection]
-) -> list[CircleResult]:
-    circles: list[CircleResult] = []
-    instance = 0
-    while target.count is None or instance < target.count:
+def _lone_rims(rims: Iterator[Rim], camera: Camera, target: Target, rejected: Counter[Rejection]) -> list[Rim]:
+    """Take the rims of as many circles as the target asks for, within its depth range."""
+    taken: list[Rim] = []
+    while target.count is None or len(taken) < target.count:
         rim = next(rims, None)
         if rim is None:
             break
-        results = circle_results(rim, camera, methods, target.radii_mm[0], instance, "disc")
-        if _in_depth_range(results, target):
-            circles.extend(results)
-            instance += 1
+        if _in_depth_range(rim, camera, target):
+            taken.append(rim)
         else:
             rejected[Rejection.DEPTH] += 1
-    return circles
+    return taken
 
 
-def _in_depth_range(results: list[CircleResult], target: Target) -> bool:
+def _in_depth_range(rim: Rim, camera: Camera, target: Target) -> bool:
     if target.depth_range_mm is None:
         return True
     nearest, farthest = target.depth_range_mm
-    depths = [float(c.center[2]) for result in results for c in result.candidates]
-    return any(nearest <= depth <= farthest for depth in depths)
+    solutions = solve("chen-huang", rim.cone.factor, camera.rays(rim.points), target.radii_mm[0])
+    return not isinstance(solutions, str) and any(nearest <= z <= farthest for z in solutions.centers[:, 2])
 
 
 def _image_result(
@@ -157,7 +166,7 @@ def _image_result(
         reason = _why_none(rejected)
     elif not complete:
         status = Status.TOO_FEW_CIRCLES
-        reason = f"no complete target: one circle alone was measured, as the largest{incomplete}"
+        reason = f"no complete target: one circle alone was measured, as the {circles[0].circle} one{incomplete}"
     elif target.count is not None and len(complete) < target.count:
         status = Status.TOO_FEW_CIRCLES
         reason = f"{len(complete)} of {target.count} found"

@@ -18,6 +18,7 @@ class Status(StrEnum):
     UNREADABLE = "unreadable"
     NOT_AN_IMAGE = "not_an_image"
     TRUNCATED_IMAGE = "truncated_image"
+    TOO_LARGE = "too_large"
     SIZE_MISMATCH = "size_mismatch"
     NO_CIRCLE = "no_circle"
     TOO_FEW_CIRCLES = "too_few_circles"
@@ -26,6 +27,9 @@ class Status(StrEnum):
     POINTS_COINCIDE = "points_coincide"
     SELF_CROSSING = "self_crossing"
     TOUCHES_BORDER = "touches_border"
+    TIMED_OUT = "timed_out"
+    WORKER_DIED = "worker_died"
+    INTERNAL_ERROR = "internal_error"
 
 
 STATUS_MEANING: Mapping[Status, str] = {
@@ -33,6 +37,7 @@ STATUS_MEANING: Mapping[Status, str] = {
     Status.UNREADABLE: "the file is missing or cannot be opened",
     Status.NOT_AN_IMAGE: "the file is no image of a known format",
     Status.TRUNCATED_IMAGE: "the image file ends early",
+    Status.TOO_LARGE: "the image has more pixels, by its header, or bytes than are read",
     Status.SIZE_MISMATCH: "the image's size is not the calibration's",
     Status.NO_CIRCLE: "nothing in the image is the image of the target",
     Status.TOO_FEW_CIRCLES: "fewer targets were found than were asked for; this row stands for those missing",
@@ -41,6 +46,9 @@ STATUS_MEANING: Mapping[Status, str] = {
     Status.POINTS_COINCIDE: "all points of the contour are the same",
     Status.SELF_CROSSING: "the contour crosses itself",
     Status.TOUCHES_BORDER: "the contour runs along the image's border, where the circle is cut off",
+    Status.TIMED_OUT: "the image took longer than --timeout allows",
+    Status.WORKER_DIED: "the process that measured the image died, twice: out of memory, or a crash in a decoder",
+    Status.INTERNAL_ERROR: "a bug in circlepose; please report it",
 }
 
 
@@ -49,6 +57,7 @@ class Flag(StrEnum):
 
     AMBIGUOUS = "ambiguous"
     LONE_CIRCLE = "lone_circle"
+    RING_MISFIT = "ring_misfit"
     NEAR_RIGHT = "near_right"
     NEAR_DEGENERATE = "near_degenerate"
     POOR_FIT = "poor_fit"
@@ -59,6 +68,7 @@ class Flag(StrEnum):
 FLAG_MEANING: Mapping[Flag, str] = {
     Flag.AMBIGUOUS: "nothing in the image tells which candidate is right; ambiguity is 0.5",
     Flag.LONE_CIRCLE: "only one circle of a ring target was found; its pose is that of a lone circle",
+    Flag.RING_MISFIT: "the circles of the target are not seen where its radii, or its generatrix, put them",
     Flag.NEAR_RIGHT: "seen almost along its axis; the tilt is ill-determined, the two candidates nearly agree",
     Flag.NEAR_DEGENERATE: "seen almost edge-on; the image is a sliver",
     Flag.POOR_FIT: "the contour departs from the fitted ellipse by more than edge noise explains",

@@ -25,15 +25,28 @@ _FULL_RIM = 0.9
 
 
 def circle_results(
-    rim: Rim, camera: Camera, methods: tuple[str, ...], radius_mm: float, instance: int, circle: str
+    rim: Rim,
+    camera: Camera,
+    methods: tuple[str, ...],
+    radius_mm: float,
+    instance: int,
+    circle: str,
+    *,
+    chen_huang: Solutions | None = None,
 ) -> list[CircleResult]:
-    """Return a result for each method, the candidates of a lone circle: nothing says yet which is right."""
+    """Return a result for each method, the candidates of a lone circle: nothing says yet which is right.
+
+    `chen_huang` are the solutions by that method of the rim's settled factor, where they are known already.
+    """
     rays = camera.rays(rim.points)
     factor = settled_factor(rim)
-    reference = solve("chen-huang", factor, rays, radius_mm) if len(methods) > 1 else None
+    reference: Solutions | str | None = chen_huang
+    if reference is None and (len(methods) > 1 or methods == ("chen-huang",)):
+        reference = solve("chen-huang", factor, rays, radius_mm)
     results = []
     for method in methods:
-        solutions = solve(method, factor, rays, radius_mm)
+        known = reference if method == "chen-huang" else None
+        solutions = solve(method, factor, rays, radius_mm) if known is None else known
         base = CircleResult(
             instance,
             circle,
@@ -47,7 +60,7 @@ def circle_results(
         if isinstance(solutions, str):
             results.append(replace(base, status=Status.NO_POSE, reason=solutions))
             continue
-        compared = None if method == "chen-huang" else reference
+        compared = None if method == "chen-huang" or len(methods) == 1 else reference
         candidates = _candidates(solutions, camera, compared)
         one = len(candidates) == 1
         results.append(

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from circlepose.errors import TargetError
+from circlepose.target_hints import Direction, DirectionHint, Side, check_hints
 
 Kind = Literal["circle", "coplanar", "coaxial"]
 Polarity = Literal["any", "dark", "bright"]
@@ -58,6 +59,13 @@ class Target:
         Nearest and farthest depth of the centre: its z in the camera frame.
     coplanar
         Kind circle only: all circles found in an image lie in one plane, which tells their candidates apart.
+    normal_hint
+        Kind circle only: where the surface's normal points, roughly, in the camera frame.
+    up_hint
+        Kind circle only: the surface is horizontal, and this is the vertical in the camera frame, either way.
+    facing
+        Kind circle only: the side of the line of sight that the surface faces; a name, or a direction (3,) in the
+        camera frame. Hints add up, also with `coplanar`.
     """
 
     kind: Kind
@@ -68,6 +76,9 @@ class Target:
     axis_intervals: AxisIntervals | None = None
     depth_range_mm: tuple[float, float] | None = None
     coplanar: bool = False
+    normal_hint: DirectionHint | None = None
+    up_hint: DirectionHint | None = None
+    facing: Side | Direction | None = None
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
@@ -85,6 +96,13 @@ class Target:
             )
         if self.depth_range_mm is not None:
             _check_interval("depth_range_mm", self.depth_range_mm, "mm", lowest_allowed=0.0)
+        for key in ("normal_hint", "up_hint", "facing"):
+            if getattr(self, key) is not None and self.kind != "circle":
+                raise TargetError(
+                    f"{key}: is a hint for lone circles, kind: circle; this target is {self.kind}, whose circles "
+                    "settle each other's ambiguity."
+                )
+        check_hints(self.normal_hint, self.up_hint, self.facing)
 
     @classmethod
     def circle(

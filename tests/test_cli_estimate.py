@@ -11,9 +11,10 @@ import pytest
 from circlepose.batch import local
 from circlepose.errors import OutputError, UsageError
 from circlepose.files.inputs import InputImage
-from circlepose.pose import Status
+from circlepose.pose import ImageResult, Status
 from circlepose.solvers import METHODS
 from circlepose.target import POLARITIES
+from circlepose.target_hints import SIDES
 from circlepose_cli import options
 from circlepose_cli.app import main
 from circlepose_cli.overlay_names import OverlayNames
@@ -143,6 +144,21 @@ def test_the_calibration_named_comes_before_the_one_beside(run, folder, tmp_path
         (["--depth-range-mm", "9:5"], "--depth-range-mm: expected two numbers"),
         (["--major-px", "5"], "--major-px: expected two numbers"),
         (["--minor-px", "a:b"], "--minor-px: expected two numbers"),
+        (["--normal", "0,-1"], "--normal: expected a direction X,Y,Z in the camera frame"),
+        (["--normal", "0,0,0"], "--normal: expected a direction X,Y,Z"),
+        (["--normal", "0,0,-1", "--normal-spread-deg", "0"], "normal_hint.spread_deg: expected a positive angle"),
+        (
+            ["--normal-spread-deg", "9"],
+            "--normal-spread-deg: there is no direction that it is of; give --normal X,Y,Z",
+        ),
+        (["--up", "a,b,c"], "--up: expected a direction X,Y,Z"),
+        (["--up-spread-deg", "9"], "--up-spread-deg: there is no direction"),
+        (["--facing", "sideways"], "--facing: expected left, right, up, down or a direction X,Y,Z"),
+        (["--facing", "0,0,0"], "--facing: expected a direction X,Y,Z"),
+        (
+            ["--normal", "1,0,-1", "--normal-spread-deg", "9", "--up", "0,1,0", "--up-spread-deg", "9"],
+            "normal_hint, up_hint: exclude each other",
+        ),
         (["--jobs", "0"], "--jobs"),
         (["--method", "guess"], "kanatani-liu"),
         (["--format", "xml"], "jsonl"),
@@ -174,6 +190,34 @@ def test_the_command_line_overrides_the_target(run, folder):
     (folder / "target.yaml").write_text("{radius_mm: 20, axis_intervals_px: {major: [5, 9]}}\n")
     assert run("estimate", folder, "--minor-px", "20:200")[0] == 3
     assert run("estimate", folder, "--major-px", "20:200", "--minor-px", "20:200")[0] == 0
+
+
+def candidate(run, folder, *args):
+    """The chosen normal's x and the ambiguity, of the first image."""
+    code, out, err = run("estimate", folder / "disc0.png", *args)
+    assert code == 0, err
+    row = next(row for row in rows_of(out) if row["chosen"] == "true")
+    return float(row["normal_x"]), float(row["ambiguity"]), row["flags"]
+
+
+def test_hints_choose_the_candidate(run, folder):
+    """The disc faces right."""
+    for args in (("--normal", "1,0,-1"), ("--facing", "right"), ("--facing", "1,0.2,0"), ("--up", "-0.5,-0.1,0.8")):
+        x, ambiguity, flags = candidate(run, folder, *args)
+        assert x > 0.4
+        assert ambiguity < 0.2
+        assert "ambiguous" not in flags
+    assert candidate(run, folder, "--facing", "left")[0] < 0.4
+    assert candidate(run, folder, "--normal", "-1,0,-1")[0] < 0.4
+
+
+def test_hints_of_the_command_line_override_the_targets(run, folder):
+    (folder / "target.yaml").write_text("radius_mm: 20\nnormal_hint: {direction: [1, 0, -1], spread_deg: 40}\n")
+    wide, narrow = (candidate(run, folder, *args) for args in ((), ("--normal-spread-deg", "15")))
+    assert wide[0] > 0.4
+    assert narrow[0] > 0.4
+    assert narrow[1] < wide[1] < 0.45
+    assert candidate(run, folder, "--normal", "-1,0,-1")[0] < 0.4
 
 
 def test_all_folders_are_checked_before_the_first_image(run, tmp_path):
@@ -214,23 +258,98 @@ def test_the_output_file_takes_its_form_from_its_ending(run, folder, tmp_path, n
 
 
 def test_an_output_file_stands_as_it_was_when_the_run_breaks(run, folder, tmp_path, monkeypatch):
+    def full(path, image):
+        raise OutputError(f"{path}: cannot be written (No space left on device).")
+
     file = tmp_path / "out.csv"
     file.write_text("before")
-    monkeypatch.setattr(local, "read_image", lambda path: 1 / 0)
-    assert run("estimate", folder, "-o", file)[0] == 1
+    monkeypatch.setattr(local, "write_image", full)
+    code, _, err = run("estimate", folder, "-o", file, "--overlay", tmp_path / "pictures")
+    assert (code, "No space left" in err) == (2, True)
     assert file.read_text() == "before"
 
 
-def test_a_bug_is_one_sentence_and_code_1(run, folder, monkeypatch):
-    monkeypatch.setattr(local, "read_image", lambda path: 1 / 0)
-    code, _, err = run("estimate", folder)
+def test_a_bug_costs_its_image_and_is_told_with_code_1(run, folder, monkeypatch):
+    read = local.read_image
+
+    def broken(path):
+        return 1 / 0 if path.name == "disc0.png" else read(path)
+
+    monkeypatch.setattr(local, "read_image", broken)
+    code, out, err = run("estimate", folder)
     assert code == 1
-    assert "internal error: while measuring disc0.png: ZeroDivisionError" in err
+    assert [row["status"] for row in rows_of(out)] == ["internal_error", "ok", "ok"]
+    assert "disc0.png: ZeroDivisionError: division by zero\n" in err
     assert "please report it" in err
     assert "Traceback" not in err
     assert "Traceback" in run("estimate", folder, "--verbose")[2]
     monkeypatch.setenv("CIRCLEPOSE_DEBUG", "1")
     assert "Traceback" in run("estimate", folder)[2]
+
+
+def test_an_image_that_vanishes_while_others_are_measured_is_a_row(run, folder, monkeypatch):
+    read = local.read_image
+
+    def read_and_remove(path):
+        (folder / "disc1.png").unlink(missing_ok=True)
+        return read(path)
+
+    monkeypatch.setattr(local, "read_image", read_and_remove)
+    code, out, err = run("estimate", folder)
+    assert code == 3
+    assert [(row["image"], row["status"]) for row in rows_of(out)][-1] == ("disc1.png", "unreadable")
+    assert "disc1.png: there is no such file\n" in err
+
+
+def test_what_is_left_is_resumed_and_then_nothing_is_left(run, folder, tmp_path, monkeypatch):
+    whole, file, journal = (tmp_path / name for name in ("whole.csv", "out.csv", "out.csv.journal"))
+    run("estimate", folder, "-o", whole)
+    measured = []
+
+    def first_only(item, options):
+        measured.append(item.name)
+        if len(measured) == 2:
+            raise OutputError("out.csv: cannot be written (No space left on device).")
+        return measure_file(item, options)
+
+    measure_file = local.measure_file
+    monkeypatch.setattr(local, "measure_file", first_only)
+    assert run("estimate", folder, "-o", file)[0] == 2
+    assert journal.exists()
+    code, _, err = run("estimate", folder, "-o", file, "--resume", "--no-refine")
+    assert (code, "refine was True and is False" in err) == (2, True)
+    assert run("estimate", folder, "-o", file, "--resume")[::2] == (0, "2 measured, 0 failed\n")
+    assert measured == ["disc0.png", "disc1.png", "disc1.png"]
+    assert file.read_bytes() == whole.read_bytes()
+    assert not journal.exists()
+
+
+def test_an_unfinished_run_that_is_begun_anew_is_mentioned(run, folder, tmp_path, monkeypatch):
+    file = tmp_path / "out.csv"
+    gone = ImageResult("disc0.png", Status.TIMED_OUT, "was not measured within 120 s")
+    monkeypatch.setattr(local, "measure_file", lambda item, options: gone if item.name == gone.image else ok(item))
+    ok = lambda item: ImageResult(item.name, Status.NO_CIRCLE, "none")  # noqa: E731
+    code, _, err = run("estimate", folder, "-o", file)
+    assert code == 3
+    assert err.endswith("the same command with --resume does only what is left\n")
+    monkeypatch.undo()
+    code, _, err = run("estimate", folder, "-o", file)
+    assert (code, "out.csv.journal: was left by an unfinished run" in err) == (0, True)
+
+
+@pytest.mark.parametrize(
+    ("args", "message"),
+    [
+        (["--resume"], "--resume: needs -o FILE"),
+        (["--resume", "-o", "/dev/null"], "/dev/null is no regular file"),
+        (["--timeout", "0"], "--timeout: expected a positive time in seconds, got 0."),
+        (["--timeout", "nan"], "--timeout: expected a positive time"),
+    ],
+)
+def test_what_cannot_be_resumed_or_waited_for_is_told(run, folder, args, message):
+    code, out, err = run("estimate", folder, *args)
+    assert (code, out) == (2, "")
+    assert message in err
 
 
 def test_the_table_is_for_reading(run, folder):
@@ -317,6 +436,10 @@ def test_an_overlay_folder_that_cannot_be_made(tmp_path):
 def test_choices_are_those_of_the_library():
     assert [choice.value for choice in options.MethodChoice] == [*METHODS, "all"]
     assert [choice.value for choice in options.PolarityChoice] == list(POLARITIES)
+
+
+def test_sides_are_those_of_the_library():
+    assert set(options.SideChoice) == set(SIDES)
 
 
 def test_counts_and_intervals():

@@ -78,6 +78,23 @@ def test_a_path_traced_ring_target(shared_data):
     assert max(e.normal_deg for e in errors) < 0.05
 
 
+@pytest.mark.parametrize("image", ["a.png", "e.png"])
+def test_a_path_traced_boss_and_recess(shared_data, image):
+    """The boss hides a part of the big rim; the recess half of the small one."""
+    folder = shared_data / "rendered_coaxial"
+    camera = circlepose.read_camera(folder / "camera.yml")
+    target = Target("coaxial", (45.0, 30.0), generatrix_mm=45.21)
+    result = circlepose.estimate(read_image(folder / "images" / image), camera, target)
+    assert result.status == "ok"
+    big_truth, small_truth = read_truth(folder)[image]
+    big, small = (error(c, t) for c, t in zip(result.circles, (big_truth, small_truth), strict=True))
+    assert big.chosen
+    assert small.chosen
+    assert big.position_mm < 1.0
+    assert big.normal_deg < 0.4
+    assert result.circles[0].ambiguity < 0.01
+
+
 def test_photographs_that_nobody_prepared(shared_data):
     """No truth and no camera: nothing may crash, and there is something to find in each."""
     camera = circlepose.Camera.create([[1500.0, 0, 960], [0, 1500.0, 720], [0, 0, 1]])

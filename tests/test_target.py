@@ -4,6 +4,7 @@ import pytest
 
 from circlepose.errors import TargetError
 from circlepose.target import AxisIntervals, Target
+from circlepose.target_hints import DirectionHint
 
 
 def test_names_of_the_circles():
@@ -32,6 +33,11 @@ def test_names_of_the_circles():
         (lambda: Target.circle(5.0, depth_range_mm=(500.0, 100.0)), "smallest < largest"),
         (lambda: Target("circle", (5.0,), coplanar=True), "count of 2 or more"),
         (lambda: Target("coplanar", (5.0, 3.0), count=None, coplanar=True), "needs kind: circle"),
+        (lambda: Target("circle", (5.0,), facing="sideways"), "left, right, up, down"),
+        (lambda: Target("circle", (5.0,), facing=(1.0, 0.0)), "three numbers"),
+        (lambda: Target("circle", (5.0,), normal_hint=DirectionHint((0.0, 0.0, float("nan")), 5.0)), "other than 0"),
+        (lambda: Target("circle", (5.0,), up_hint=DirectionHint((0.0, 1.0, 0.0), 181.0)), "at most 180"),
+        (lambda: Target("coaxial", (5.0, 3.0), up_hint=DirectionHint((0.0, 1.0, 0.0), 5.0)), "lone circles"),
         (lambda: AxisIntervals(major_px=(-1.0, 5.0)), "axis_intervals_px.major"),
         (lambda: AxisIntervals(minor_px=(5.0, 5.0)), "axis_intervals_px.minor"),
     ],

@@ -42,15 +42,16 @@ def choose(log_likelihoods: FloatArray) -> Choice:
     return Choice(np.where(odds >= 0.0, 0, 1), frozen(np.exp(log_expit(-np.abs(odds)))))
 
 
-def rough_normal(normals: FloatArray, direction: FloatArray, spread_deg: float) -> FloatArray:
+def rough_normal(normals: FloatArray, direction: FloatArray, spread_deg: FloatArray | float) -> FloatArray:
     """Score `normals` (m, 2, 3) where the surfaces face `direction` (3,), in the camera frame, roughly.
 
-    `spread_deg` is the standard deviation of the angle, per axis; it should exceed the normals' own errors.
+    `spread_deg` is the standard deviation of the angle, per axis, of all circles or of each (m, 1), with the
+    normals' own errors in it.
     """
     return _gaussian(_angles(normals, direction), spread_deg)
 
 
-def up_direction(normals: FloatArray, up: FloatArray, spread_deg: float) -> FloatArray:
+def up_direction(normals: FloatArray, up: FloatArray, spread_deg: FloatArray | float) -> FloatArray:
     """Score `normals` (m, 2, 3) where the surfaces are horizontal, roughly; `spread_deg` as for `rough_normal`.
 
     `up` (3,) is the vertical in the camera frame, either way: a floor shows its upper side, a ceiling the lower.
@@ -127,7 +128,7 @@ def _check(normals: FloatArray, sigma_rad: FloatArray) -> None:
         raise ArgumentError("sigma_rad: expected a positive angle for each candidate, (m, 2).")
 
 
-def _gaussian(angles: FloatArray, spread_deg: float) -> FloatArray:
+def _gaussian(angles: FloatArray, spread_deg: FloatArray | float) -> FloatArray:
     return np.asarray(-0.5 * (angles / np.radians(spread_deg)) ** 2)
 
 

@@ -13,26 +13,33 @@ import numpy as np
 
 from circlepose._typing import FloatArray
 from circlepose.cone import factor_from_circle
-from circlepose.fitting.viewing_cone import rim_distance_px
 
 INDEPENDENT_EDGES = 6.0
 """A rim's edge errors are correlated along it: a misfit is worth no more than so many independent edges."""
 LEAST_NOISE_PX = 0.02
+_FLAT = 1e-9
+"""Relative determinant of a viewing cone's factor below which the circle is seen edge-on."""
 
 
-def misfit_px(
-    center: FloatArray, normal: FloatArray, radius: float, rays: FloatArray, jacobians: FloatArray
-) -> float:
-    """Return the rms distance, px, of measured edges to the rim of a circle placed at `center`, `normal`.
+def misfits_px(
+    centers: FloatArray, normal: FloatArray, radius: float, rays: FloatArray, jacobians: FloatArray
+) -> FloatArray:
+    """Return the rms distances (h,), px, of measured edges to the rim of a circle placed at each of `centers` (h, 3).
 
-    `rays` (n, 3) of the edges and `jacobians` (n, 3, 2) = d ray / d pixel. Infinite where the circle cannot
-    be seen at all.
+    With unit `normal` (3,), `rays` (n, 3) of the edges and `jacobians` (n, 3, 2) = d ray / d pixel; the distance is
+    that of `fitting.viewing_cone.rim_distance_px`. Infinite where the circle cannot be seen at all.
     """
-    factor = factor_from_circle(center, normal, radius)
-    if abs(float(np.linalg.det(factor))) < 1e-9 * radius**2 * float(np.linalg.norm(center)):
-        return math.inf
-    distance = rim_distance_px(factor, rays, jacobians)
-    return float(np.sqrt(np.mean(distance**2))) if np.all(np.isfinite(distance)) else math.inf
+    factors = factor_from_circle(centers, normal, radius)
+    flat = np.abs(np.linalg.det(factors)) < _FLAT * radius**2 * np.linalg.norm(centers, axis=-1)
+    inverses = np.linalg.inv(np.where(flat[:, None, None], np.eye(3), factors))
+    local = rays @ np.swapaxes(inverses, -1, -2)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        across = np.hypot(local[..., 0], local[..., 1])
+        ratio = across / local[..., 2]
+        by_local = np.stack([local[..., 0] / across, local[..., 1] / across, -ratio], axis=-1) / local[..., 2:]
+        gradient = np.einsum("hni,nij->hnj", by_local @ inverses, jacobians)
+        squared = np.mean(((ratio - 1.0) / np.linalg.norm(gradient, axis=-1)) ** 2, axis=-1)
+    return np.where(flat | ~np.isfinite(squared), np.inf, np.sqrt(squared))
 
 
 def ambiguity(misfit_chosen_px: float, misfit_other_px: float, noise_px: float) -> float:
@@ -44,15 +51,3 @@ def ambiguity(misfit_chosen_px: float, misfit_other_px: float, noise_px: float) 
     noise = max(noise_px, LEAST_NOISE_PX)
     log_odds = INDEPENDENT_EDGES * (misfit_other_px**2 - misfit_chosen_px**2) / (2.0 * noise**2)
     return 1.0 / (1.0 + math.exp(min(log_odds, 700.0))) if log_odds > 0.0 else 0.5
-
-
-def generatrix_mm(big: tuple[FloatArray, FloatArray, float], small: tuple[FloatArray, FloatArray, float]) -> float:
-    """Return the rim to rim distance of two circles (centre, normal, radius) in their plane of symmetry.
-
-    Fu & Zhou, section 3.3: height along the mean normal and difference of the radii make a right triangle.
-    """
-    (c1, n1, r1), (c2, n2, r2) = big, small
-    axis = n1 + n2
-    axis = axis / np.linalg.norm(axis)
-    height = float(np.dot(c1 - c2, axis))
-    return math.hypot(height, r1 - r2)

@@ -12,6 +12,7 @@ from circlepose.files.atomic import atomic_writer
 from circlepose.files.camera_file import write_camera
 from circlepose.files.images import write_image
 from circlepose.files.scene_file import read_scenes
+from circlepose.files.tables import csv_cell
 from circlepose.files.target_file import write_target
 from circlepose.synthesis.render import TruthRow, render, truth_rows
 
@@ -65,7 +66,7 @@ def write_truth(rows: Iterable[TruthRow], path: str | os.PathLike[str]) -> None:
             circle = row.circle
             table.writerow(
                 [
-                    f"{row.image}.png",
+                    csv_cell("image", f"{row.image}.png"),
                     row.instance,
                     circle.name,
                     f"{circle.radius:.6f}",

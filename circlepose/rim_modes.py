@@ -1,0 +1,85 @@
+"""Small changes of a viewing cone as five modes of growth of its rim, and the pose's share in each. Pure NumPy.
+
+In the coordinates y = A^-1 x of a cone's factor A the rim is the unit circle, and a cone close to it has the rim
+|y_12|/y_3 = 1 + m0 + m1 cos p + m2 sin p + m3 cos 2p + m4 sin 2p. The five amounts m are coordinates of all cones
+near A: linear in the dual cone, the same for every lens, and without the singularity that a pose has where its cone
+is right. What is known of a rim, from pixels or from edges, is a mean and an information matrix in them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from circlepose._typing import FloatArray
+from circlepose.cone import SIGNATURE, plane_basis
+
+MODES = 5
+
+
+def mode_shapes(angle: FloatArray) -> FloatArray:
+    """Return the growth (..., 5) of each mode at the factor's `angle` (...), per unit amount."""
+    p = np.asarray(angle, dtype=np.float64)
+    return np.stack([np.ones_like(p), np.cos(p), np.sin(p), np.cos(2.0 * p), np.sin(2.0 * p)], axis=-1)
+
+
+def grown(factor: FloatArray, amounts: FloatArray) -> FloatArray:
+    """Return the factors (..., 3, 3) of cones whose rims depart from those of `factor` by `amounts` (..., 5)."""
+    m0, m1, m2, m3, m4 = np.moveaxis(amounts, -1, 0)
+    zero = np.zeros_like(m0)
+    change = np.stack([m0 + m3, m4, m1, m4, m0 - m3, m2, zero, zero, zero], axis=-1)
+    return np.asarray(factor @ (np.eye(3) + change.reshape(*m0.shape, 3, 3)))
+
+
+def amounts_between(factor: FloatArray, dual: FloatArray) -> FloatArray:
+    """Return the amounts (..., 5) by which the cone with `dual` (..., 3, 3), any scale, departs from `factor`."""
+    local = _local(factor, dual)
+    return _amounts(local / _scale(local)[..., None, None] - np.diag(SIGNATURE))
+
+
+def pose_amounts(factor: FloatArray, center: FloatArray, normal: FloatArray, radius: float) -> FloatArray:
+    """Return the amounts (5,) by which the cone of a circle departs from that of `factor` (3, 3)."""
+    return amounts_between(factor, dual_circle(center, normal, radius))
+
+
+def dual_circle(center: FloatArray, normal: FloatArray, radius: float) -> FloatArray:
+    """Return the dual cone R^2 (I - n n') - c c' (3, 3) of a circle; length unit squared."""
+    return np.asarray(radius**2 * (np.eye(3) - np.outer(normal, normal)) - np.outer(center, center))
+
+
+def pose_derivatives(factor: FloatArray, center: FloatArray, normal: FloatArray, radius: float) -> FloatArray:
+    """Return d amounts / d pose (5, 6): centre (3, per length unit), tilts of the normal (2, per rad), radius.
+
+    A tilt turns `normal` towards the first or the second vector of `cone.plane_basis(normal)`. The circle's own
+    cone is that of `factor`, or close to it.
+    """
+    first, second = plane_basis(normal)
+    changes = [_both(-axis, center) for axis in np.eye(3)]
+    changes += [_both(-(radius**2) * tilt, normal) for tilt in (first, second)]
+    changes.append(2.0 * radius * (np.eye(3) - np.outer(normal, normal)))
+    local = _local(factor, dual_circle(center, normal, radius))
+    scale = _scale(local)
+    derivative = _local(factor, np.stack(changes))
+    # The scale changes too, which takes out what is only a multiple of the dual cone itself.
+    relative = _scale(derivative)[:, None, None] / scale**2 * local
+    return _amounts(derivative / scale - relative).T
+
+
+def _both(first: FloatArray, second: FloatArray) -> FloatArray:
+    outer = np.outer(first, second)
+    return np.asarray(outer + outer.T)
+
+
+def _local(factor: FloatArray, dual: FloatArray) -> FloatArray:
+    inverse = np.linalg.inv(factor)
+    return np.asarray(inverse @ dual @ inverse.T)
+
+
+def _scale(local: FloatArray) -> FloatArray:
+    return np.asarray((local[..., 0, 0] + local[..., 1, 1] - local[..., 2, 2]) / 3.0)
+
+
+def _amounts(change: FloatArray) -> FloatArray:
+    """Half the dual form of the tangent lines (cos p, sin p, -1), by harmonics."""
+    mean = (change[..., 0, 0] + change[..., 1, 1]) / 4.0 + change[..., 2, 2] / 2.0
+    second = (change[..., 0, 0] - change[..., 1, 1]) / 4.0
+    return np.stack([mean, -change[..., 0, 2], -change[..., 1, 2], second, change[..., 0, 1] / 2.0], axis=-1)
