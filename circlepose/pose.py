@@ -63,6 +63,7 @@ class Flag(StrEnum):
     POOR_FIT = "poor_fit"
     PARTIAL_RIM = "partial_rim"
     CHORD_MENDED = "chord_mended"
+    EDGES_ONLY = "edges_only"
 
 
 FLAG_MEANING: Mapping[Flag, str] = {
@@ -74,6 +75,7 @@ FLAG_MEANING: Mapping[Flag, str] = {
     Flag.POOR_FIT: "the contour departs from the fitted ellipse by more than edge noise explains",
     Flag.PARTIAL_RIM: "a tenth of the rim or more is hidden, cut off or without contrast; see rim_used",
     Flag.CHORD_MENDED: "contour route: one of its four points lay on an outlier, which was left out",
+    Flag.EDGES_ONLY: "measured from edges alone: the grey levels along the rim could not be fitted; no covariance",
 }
 
 

@@ -12,7 +12,8 @@ from circlepose.camera import Camera
 from circlepose.conic import signed_distance
 from circlepose.fitting.band import bands_around
 from circlepose.fitting.direct import fit_ellipse
-from circlepose.fitting.photometric import LevelsFit, fit_to_levels
+from circlepose.fitting.neighbours import bands_that_meet, light_of_neighbours
+from circlepose.fitting.photometric import Expected, LevelsFit, fit_to_levels
 from circlepose.fitting.viewing_cone import ConeFit, rim_distance_px
 from circlepose.measure import Rim, rim_pixels
 
@@ -26,29 +27,69 @@ _FULL_RIM = 0.9
 _FARTHEST_HIDDEN_PX = 0.05
 _LEAST_AGAIN = 0.8
 _LEAST_RIM = 0.2
+_LOOSE, _TIGHT = 0.05, 0.03
+"""Standard deviation of the inequality of the blur, before and after all rims have told of it."""
+_LEAST_UNEQUAL = 0.1
+"""Less is not told from texture."""
+_ODD_NOISE, _TINY_PX = 0.04, 7.0
+_SMALL_PX = 20.0
+"""Semi-minor axis below which unequal blur passes for a tilt."""
+_CURVED_PX = 8.0
 
 
 def refined(grey: Image, camera: Camera, rims: Sequence[Rim]) -> list[Rim]:
     """Fit the rims to the levels of `grey` (h, w); a rim whose levels tell nothing better stays as it is."""
+    limits = (0.0, float(np.iinfo(grey.dtype).max)) if grey.dtype.kind == "u" else (-np.inf, np.inf)
     done = list(rims)
-    order = sorted(
-        (i for i, rim in enumerate(rims) if rim.modes_covariance is None), key=lambda i: _perimeter(rims[i])
-    )
+    open_ = [i for i, rim in enumerate(rims) if rim.modes_covariance is None]
     reach = np.full(len(rims), _REACH_PX)
-    sigma = np.full(len(rims), _START_SIGMA_PX)
-    for _ in range(2):
-        blurred = []
+    blur = np.tile([np.log(_START_SIGMA_PX), 0.0, 0.0], (len(rims), 1))
+    variance = np.full((len(rims), 3), np.inf)
+    contrast = np.zeros(len(rims))
+    ellipses = [rim.ellipse for rim in rims]
+    for again in (False, True):
+        sigma = np.exp(blur[:, 0])
+        blurred = _REACH_SIGMA * sigma > 1.1 * reach
+        crowded = bands_that_meet(ellipses, reach + _REACH_SIGMA * sigma, contrast)
+        small = np.array([float(rim.ellipse.semi_minor) < _SMALL_PX for rim in rims])
+        order = [i for i in open_ if not again or blurred[i] or crowded[i] or small[i]]
+        order.sort(key=lambda i: (_is_curved(rims[i]), _perimeter(rims[i])))
+        expected = (
+            _expected(blur, variance) if again else Expected(blur, np.full(blur.shape, _LOOSE**-2) * [0.0, 1.0, 1.0])
+        )
+        if again:
+            reach = np.where(blurred, _REACH_SIGMA * sigma, reach)
+        before = (ellipses, sigma, contrast.copy())
+        fits = {}
         for chunk in _chunks(order, rims, reach):
-            some = [done[i] for i in chunk]
-            fit = _fit(grey, camera, some, reach[chunk], sigma[chunk])
+            bands = bands_around(grey, camera, [done[i].ellipse for i in chunk], reach[chunk])
+            beside = light_of_neighbours(bands.pixels, np.array(chunk), *before, reach)
+            perimeter = np.array([_perimeter(rims[i]) for i in chunk])
+            factors = np.stack([done[i].cone.factor for i in chunk])
+            some = Expected(expected.mean[chunk], expected.information[chunk])
+            fit = fit_to_levels(
+                bands,
+                factors,
+                blur[chunk],
+                some,
+                perimeter,
+                limits,
+                beside=beside,
+                is_curved=_is_curved(rims[chunk[0]]),
+            )
             for k, i in enumerate(chunk):
-                sigma[i] = fit.sigma_px[k]
-                done[i] = _accepted(camera, rims[i], fit, k)
-                if done[i] is not rims[i] and _REACH_SIGMA * sigma[i] > 1.1 * reach[i]:
-                    blurred.append(i)
-                    reach[i] = _REACH_SIGMA * sigma[i]
-        order = blurred
+                fits[i] = _accepted(camera, rims[i], fit, k, lone=not crowded[i])
+                if fit.converged[k]:
+                    blur[i], variance[i], contrast[i] = fit.blur[k], fit.blur_variance[k], fit.contrast_levels[k]
+        for i, rim in fits.items():
+            done[i] = replace(rim, is_edges_only=True) if rim is rims[i] else rim
+        ellipses = [rim.ellipse for rim in done]
     return done
+
+
+def _is_curved(rim: Rim) -> bool:
+    """Tell whether the rim's sharpest curve is sharp on the scale of the blur."""
+    return float(rim.ellipse.semi_minor**2 / rim.ellipse.semi_major) < _CURVED_PX
 
 
 def _perimeter(rim: Rim) -> float:
@@ -59,7 +100,7 @@ def _chunks(order: Sequence[int], rims: Sequence[Rim], reach: FloatArray) -> Ite
     chunk: list[int] = []
     for i in order:
         longest = 2.2 * reach[i] * _perimeter(rims[i])
-        if chunk and (len(chunk) + 1) * longest > _MOST_PIXELS:
+        if chunk and ((len(chunk) + 1) * longest > _MOST_PIXELS or _is_curved(rims[i]) != _is_curved(rims[chunk[0]])):
             yield chunk
             chunk = []
         chunk.append(i)
@@ -67,18 +108,12 @@ def _chunks(order: Sequence[int], rims: Sequence[Rim], reach: FloatArray) -> Ite
         yield chunk
 
 
-def _fit(grey: Image, camera: Camera, rims: Sequence[Rim], reach_px: FloatArray, sigma_px: FloatArray) -> LevelsFit:
-    bands = bands_around(grey, camera, [rim.ellipse for rim in rims], reach_px)
-    limits = (0.0, float(np.iinfo(grey.dtype).max)) if grey.dtype.kind == "u" else (-np.inf, np.inf)
-    factors = np.stack([rim.cone.factor for rim in rims])
-    perimeter = np.array([_perimeter(rim) for rim in rims])
-    return fit_to_levels(bands, factors, sigma_px, perimeter, limits)
-
-
-def _accepted(camera: Camera, rim: Rim, fit: LevelsFit, k: int) -> Rim:
+def _accepted(camera: Camera, rim: Rim, fit: LevelsFit, k: int, *, lone: bool) -> Rim:
     factor = fit.factors[k]
-    is_noisy = fit.noise_levels[k] >= _WORST_NOISE * abs(fit.contrast_levels[k])
-    if not fit.converged[k] or is_noisy or fit.rim_used[k] <= _LEAST_RIM:
+    noise = fit.noise_levels[k] / max(abs(float(fit.contrast_levels[k])), 1e-9)
+    # Of a tiny disc the levels tell no more than the edges where they are not understood.
+    is_odd = lone and noise > _ODD_NOISE and float(rim.ellipse.semi_minor) < _TINY_PX
+    if not fit.converged[k] or noise >= _WORST_NOISE or is_odd or fit.rim_used[k] <= _LEAST_RIM:
         return rim
     predicted = rim_pixels(camera, factor, 90)
     ellipse = fit_ellipse(predicted)
@@ -99,4 +134,17 @@ def _accepted(camera: Camera, rim: Rim, fit: LevelsFit, k: int) -> Rim:
         polarity=-1 if fit.contrast_levels[k] > 0.0 else 1,
         axis_error_px=float(2.0 * second * ellipse.semi_major),
         modes_covariance=fit.covariance[k],
+    )
+
+
+def _expected(blur: FloatArray, variance: FloatArray) -> Expected:
+    """Return what the blurs of all rims say of each: unequal blur is the camera's, and much the same for all."""
+    posterior = 1.0 / variance[:, 1:]
+    told = np.where(posterior > 0.0, posterior - _LOOSE**-2, 0.0).sum(axis=0)
+    mean = (posterior * blur[:, 1:]).sum(axis=0) / np.maximum(told, _LOOSE**-2)
+    if np.hypot(*mean) < _LEAST_UNEQUAL:
+        mean = np.zeros(2)
+    count = len(blur)
+    return Expected(
+        np.column_stack([blur[:, 0], np.tile(mean, (count, 1))]), np.tile([0.0, *[_TIGHT**-2] * 2], (count, 1))
     )

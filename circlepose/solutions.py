@@ -9,6 +9,7 @@ import numpy as np
 from circlepose._typing import FloatArray
 from circlepose.camera import Camera
 from circlepose.cone import ConeKind, principal_frame
+from circlepose.covariance import pose_covariance
 from circlepose.measure import Rim
 from circlepose.pose import Candidate, CircleResult, Flag, Status
 from circlepose.solvers.solve import Solutions, solve
@@ -62,6 +63,8 @@ def circle_results(
             continue
         compared = None if method == "chen-huang" or len(methods) == 1 else reference
         candidates = _candidates(solutions, camera, compared)
+        if method == "chen-huang" and factor is rim.cone.factor:
+            candidates = tuple(_with_covariance(candidate, rim, radius_mm) for candidate in candidates)
         one = len(candidates) == 1
         results.append(
             replace(
@@ -116,6 +119,14 @@ def _candidates(solutions: Solutions, camera: Camera, reference: Solutions | str
     return tuple(sorted(candidates, key=lambda c: float(c.normal[2])))
 
 
+def _with_covariance(candidate: Candidate, rim: Rim, radius_mm: float) -> Candidate:
+    """Add the covariance of a pose that has the rim's own cone, where the rim's is known."""
+    if rim.modes_covariance is None:
+        return candidate
+    covariance = pose_covariance(rim.cone.factor, rim.modes_covariance, candidate.center, candidate.normal, radius_mm)
+    return replace(candidate, covariance=covariance)
+
+
 def _flags(rim: Rim, one: bool, mended: bool) -> tuple[Flag, ...]:
     flags = [] if one else [Flag.AMBIGUOUS]
     frame = principal_frame(rim.cone.factor)
@@ -131,4 +142,6 @@ def _flags(rim: Rim, one: bool, mended: bool) -> tuple[Flag, ...]:
         flags.append(Flag.CHORD_MENDED)
     if rim.rim_used < _FULL_RIM:
         flags.append(Flag.PARTIAL_RIM)
+    if rim.is_edges_only:
+        flags.append(Flag.EDGES_ONLY)
     return tuple(flags)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,14 +24,26 @@ class Bands:
     """(3, m, k) unit length"""
     jacobians: FloatArray
     """(3, 2, m, k) d ray / d pixel"""
+    pixels: FloatArray
+    """(m, k, 2)"""
 
     def __getitem__(self, which: BoolArray | IntArray) -> Bands:
         """Return the bands of the rims `which` (m,)."""
-        return Bands(self.levels[which], self.weight[which], self.rays[:, which], self.jacobians[:, :, which])
+        return Bands(
+            self.levels[which],
+            self.weight[which],
+            self.rays[:, which],
+            self.jacobians[:, :, which],
+            self.pixels[which],
+        )
+
+    def less(self, light: FloatArray) -> Bands:
+        """Return the same pixels with `light` (m, k) taken off their levels."""
+        return replace(self, levels=self.levels - light)
 
     def weighted(self, weight: FloatArray) -> Bands:
         """Return the same pixels with another `weight` (m, k)."""
-        return Bands(self.levels, weight, self.rays, self.jacobians)
+        return replace(self, weight=weight)
 
 
 def bands_around(grey: Image, camera: Camera, rims: Sequence[Ellipse], reach_px: FloatArray) -> Bands:
@@ -45,7 +57,8 @@ def bands_around(grey: Image, camera: Camera, rims: Sequence[Ellipse], reach_px:
         x[i], y[i] = (columns[0], rows[0]) if len(columns) else (0, 0)
         x[i, : len(columns)], y[i, : len(rows)] = columns, rows
         weight[i, : len(columns)] = 1.0
-    rays, jacobians = camera.rays_with_jacobian(np.stack([x, y], axis=-1).astype(np.float64))
+    pixels = np.stack([x, y], axis=-1).astype(np.float64)
+    rays, jacobians = camera.rays_with_jacobian(pixels)
     unseen = ~(np.isfinite(rays).all(axis=-1) & np.isfinite(jacobians).all(axis=(-2, -1)))
     if unseen.any():
         # Beyond the lens model; any ray that is finite will do.
@@ -56,6 +69,7 @@ def bands_around(grey: Image, camera: Camera, rims: Sequence[Ellipse], reach_px:
         weight=weight,
         rays=np.ascontiguousarray(np.moveaxis(rays, -1, 0)),
         jacobians=np.ascontiguousarray(np.moveaxis(jacobians, (-2, -1), (0, 1))),
+        pixels=pixels,
     )
 
 

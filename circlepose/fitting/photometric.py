@@ -6,20 +6,23 @@ Stretches of the rim whose residuals are unlike the others' (something hides or 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from circlepose._typing import BoolArray, FloatArray, IntArray
 from circlepose.fitting.band import Bands
-from circlepose.fitting.blurred_edge import LINEAR, Levels, Places, fit_levels, places
+from circlepose.fitting.blurred_edge import LINEAR, Levels, fit_levels, stiffness
+from circlepose.fitting.blurred_share import BLUR, Places, Share, curved, places, straight
 from circlepose.rim_modes import MODES, grown
 
 START_SIGMA_PX = 0.8
 _SIGMA_PX = (0.25, 8.0)
+_MOST_UNEQUAL = 0.6
 _STEPS = 12
-_CONVERGED = 1e-4
-"""A step that would lower the cost by so many noise variances is worth nothing: 1 % of a standard error."""
+_CONVERGED = 1e-3
+"""A step that would lower the cost by so many noise variances is worth nothing: 3 % of a standard error."""
 _MOST_DAMPING = 1e5
 _QUANTIZATION = 1.0 / 12.0
 """Variance of rounding to whole levels: the noise of an image without noise."""
@@ -28,13 +31,26 @@ _STRETCH_PX = 8.0
 _STRETCHES = (12, 72)
 _ZONE_SIGMA = 2.0
 _UNLIKELY = 6.0
-_COVERED_SHARE = 0.03
+_COVERED_SHARE = 0.05
+_ODD = 6.0
 _LEAST_PIXELS = 40
 _LEAST_IN_CELL = 4
 _ZONES, _AT_RIM = 3, 1
 _WORST_CONDITION = 1e14
 _START_DAMPING = 1e-5
 _LONGEST_STEP = 0.5
+
+Shares = Callable[[Places, FloatArray], Share]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Expected:
+    """What is known of the blurs of m rims before their pixels are seen."""
+
+    mean: FloatArray
+    """(m, 3)"""
+    information: FloatArray
+    """(m, 3) inverse variances; 0 where nothing is known"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,8 +61,10 @@ class LevelsFit:
     """(m, 3, 3) of the viewing cones"""
     covariance: FloatArray
     """(m, 5, 5) of the `rim_modes` of these factors, with blur and levels unknown"""
-    sigma_px: FloatArray
-    """(m,) blur, the pixel's box included"""
+    blur: FloatArray
+    """(m, 3), see `blurred_share`; the pixel's box included"""
+    blur_variance: FloatArray
+    """(m, 3)"""
     noise_levels: FloatArray
     """(m,) standard deviation of the residuals"""
     correlation: FloatArray
@@ -64,44 +82,62 @@ class LevelsFit:
 def fit_to_levels(
     bands: Bands,
     factors: FloatArray,
-    sigma_px: FloatArray,
+    blur: FloatArray,
+    expected: Expected,
     perimeter_px: FloatArray,
     limits: tuple[float, float] = (-np.inf, np.inf),
+    *,
+    beside: FloatArray | None = None,
+    is_curved: bool = False,
 ) -> LevelsFit:
-    """Fit the cones of m rims, starting at `factors` (m, 3, 3) and blurs `sigma_px` (m,).
+    """Fit the cones of m rims, starting at `factors` (m, 3, 3) and `blur` (m, 3), of which something is `expected`.
 
     `perimeter_px` (m,) of the rims; levels at the `limits` are clipped, and say only that the light was beyond.
+    `beside` (m, k) is what other rims close by add to the levels. With `is_curved` the curvature of the rims is met
+    exactly, which takes longer.
     """
+    shares = curved if is_curved else straight
     given = bands.weight > 0.0
     stretches = np.clip(perimeter_px / _STRETCH_PX, *_STRETCHES).astype(np.int64)
     left_out = np.zeros((len(factors), int(stretches.max()), _ZONES), dtype=np.bool_)
     dark, light = bands.levels <= limits[0], bands.levels >= limits[1]
-    for last in (*(False,) * (_ROUNDS - 1), True):
-        factors, sigma_px, converged = _gauss_newton(bands, factors, sigma_px)
+    added = 0.0 if beside is None else beside
+    if beside is not None:
+        bands = bands.less(beside)
+    state = _state(bands, places(bands, factors), blur, shares, np.zeros((len(factors), LINEAR)))
+    for number in range(_ROUNDS):
+        # First the plain edge: what departs from it could otherwise be taken for blur.
+        variance = _variance(state, bands)
+        stiff = stiffness(variance, state.contrast, plain=number == 0)
+        prior = variance[:, None] * expected.information
+        factors, blur, converged = _gauss_newton(bands, factors, blur, shares, stiff, prior, expected.mean)
         at = places(bands, factors)
-        state = fit_levels(bands, at, sigma_px)
-        cells = _cells(at, sigma_px, stretches, left_out.shape)
-        if last:
+        state = _state(bands, at, blur, shares, stiff)
+        cells = _cells(at, np.exp(blur[:, 0]), stretches, left_out.shape)
+        if number == _ROUNDS - 1:
             break
         # A clipped level tells only where the model would have it on this side of the clip.
-        tells = given & ~((light & (state.model >= limits[1])) | (dark & (state.model <= limits[0])))
-        left_out = _unlike_others(
-            state.model - bands.levels, tells, bands.weight, cells, state.contrast, left_out.shape
-        )
+        model = state.model + added
+        tells = given & ~((light & (model >= limits[1])) | (dark & (model <= limits[0])))
+        misfit = state.model - bands.levels
+        left_out = _unlike_others(misfit, tells, bands.weight, cells, state.contrast, left_out.shape)
         weight = np.where(tells & ~left_out.ravel()[cells], 1.0, 0.0)
-        if np.array_equal(weight, bands.weight):
+        if number > 0 and np.array_equal(weight, bands.weight):
             break
         bands = bands.weighted(weight)
     counted = np.sum(bands.weight, axis=1)
+    variance = _variance(state, bands)
     matrix, _ = state.normal_equations()
+    matrix = _with_prior(matrix, variance[:, None] * expected.information)
     told = (counted >= _LEAST_PIXELS) & (np.linalg.cond(matrix) < _WORST_CONDITION)
-    matrix = np.where(told[:, None, None], matrix, np.eye(MODES + 1))
-    variance = np.maximum(state.cost / np.maximum(counted - LINEAR - MODES - 1.0, 1.0), _QUANTIZATION)
+    matrix = np.where(told[:, None, None], matrix, np.eye(MODES + BLUR))
     correlation = _correlation(state, cells // _ZONES, matrix, variance)
+    covariance = np.linalg.inv(matrix) * variance[:, None, None]
     return LevelsFit(
         factors=factors,
-        covariance=np.linalg.inv(matrix)[:, :MODES, :MODES] * (variance * correlation)[:, None, None],
-        sigma_px=sigma_px,
+        covariance=covariance[:, :MODES, :MODES] * correlation[:, None, None],
+        blur=blur,
+        blur_variance=np.einsum("mii->mi", covariance)[:, MODES:],
         noise_levels=np.sqrt(variance),
         correlation=correlation,
         contrast_levels=state.contrast,
@@ -111,48 +147,76 @@ def fit_to_levels(
     )
 
 
+def _state(bands: Bands, at: Places, blur: FloatArray, shares: Shares, stiff: FloatArray) -> Levels:
+    return fit_levels(bands, at, shares(at, blur), stiff)
+
+
+def _variance(state: Levels, bands: Bands) -> FloatArray:
+    """Return the variance (m,) of the levels about the model."""
+    counted = np.sum(bands.weight, axis=1)
+    return np.maximum(state.square / np.maximum(counted - LINEAR - MODES - BLUR, 1.0), _QUANTIZATION)
+
+
+def _with_prior(matrix: FloatArray, prior: FloatArray) -> FloatArray:
+    matrix = matrix.copy()
+    matrix[:, range(MODES, MODES + BLUR), range(MODES, MODES + BLUR)] += prior
+    return matrix
+
+
 def _gauss_newton(
-    bands: Bands, factors: FloatArray, sigma_px: FloatArray
+    bands: Bands,
+    factors: FloatArray,
+    blur: FloatArray,
+    shares: Shares,
+    stiff: FloatArray,
+    prior: FloatArray,
+    mean: FloatArray,
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Return the factors, blurs and whether they converged."""
-    factors, sigma_px = factors.copy(), sigma_px.copy()
-    state = fit_levels(bands, places(bands, factors), sigma_px)
-    matrix, gradient = state.normal_equations()
-    cost = state.cost
+    """Return the factors, blurs and whether they converged; `prior` (m, 3) pulls the blurs to `mean` (m, 3)."""
+    factors, blur = factors.copy(), blur.copy()
+
+    def evaluate(which: IntArray, at_factors: FloatArray, at_blur: FloatArray) -> tuple[FloatArray, ...]:
+        some = bands if len(which) == len(factors) else bands[which]
+        state = _state(some, places(some, at_factors), at_blur, shares, stiff[which])
+        new_matrix, new_gradient = state.normal_equations()
+        off = at_blur - mean[which]
+        new_gradient[:, MODES:] += prior[which] * off
+        return state.cost + np.sum(prior[which] * off**2, axis=1), _with_prior(new_matrix, prior[which]), new_gradient
+
+    cost, matrix, gradient = evaluate(np.arange(len(factors)), factors, blur)
     damping = np.full(len(factors), _START_DAMPING)
     counted = np.maximum(np.sum(bands.weight, axis=1), 1.0)
     running = np.ones(len(factors), dtype=np.bool_)
     for _ in range(_STEPS):
         diagonal = np.einsum("mii->mi", matrix) + 1e-12
-        damped = matrix + (diagonal * damping[:, None])[:, :, None] * np.eye(MODES + 1)
+        damped = matrix + (diagonal * damping[:, None])[:, :, None] * np.eye(MODES + BLUR)
         step = -np.linalg.solve(damped, gradient[..., None])[..., 0]
         gain = -np.sum(step * gradient, axis=1)
         worth = gain > _CONVERGED * (cost / counted + _QUANTIZATION)
-        # Nowhere to go from here: what is not converged stays as it is.
-        running = running & np.isfinite(gain)
-        trial, trial_sigma = _after(factors, sigma_px, np.where(np.isfinite(step), step, 0.0))
+        trial, trial_blur = _after(factors, blur, step)
         # The last step costs nothing, and helps.
         ends = running & ~worth
-        factors[ends], sigma_px[ends] = trial[ends], trial_sigma[ends]
+        factors[ends], blur[ends] = trial[ends], trial_blur[ends]
         running = running & worth & (damping < _MOST_DAMPING)
         which = np.flatnonzero(running)
         if len(which) == 0:
             break
-        some = bands if len(which) == len(factors) else bands[which]
-        state = fit_levels(some, places(some, trial[which]), trial_sigma[which])
-        better = state.cost <= cost[which]
+        new_cost, new_matrix, new_gradient = evaluate(which, trial[which], trial_blur[which])
+        better = new_cost <= cost[which]
         damping[which] = np.where(better, damping[which] * 0.1, np.maximum(damping[which] * 30.0, 1e-3))
         taken = which[better]
-        factors[taken], sigma_px[taken], cost[taken] = trial[taken], trial_sigma[taken], state.cost[better]
-        new_matrix, new_gradient = state.normal_equations()
+        factors[taken], blur[taken], cost[taken] = trial[taken], trial_blur[taken], new_cost[better]
         matrix[taken], gradient[taken] = new_matrix[better], new_gradient[better]
-    return factors, sigma_px, ~running & (damping < _MOST_DAMPING) & np.isfinite(cost)
+    return factors, blur, ~running & (damping < _MOST_DAMPING)
 
 
-def _after(factors: FloatArray, sigma_px: FloatArray, step: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _after(factors: FloatArray, blur: FloatArray, step: FloatArray) -> tuple[FloatArray, FloatArray]:
     limited = np.clip(step, -_LONGEST_STEP, _LONGEST_STEP)
-    sigma = np.clip(sigma_px * np.exp(limited[:, MODES]), *_SIGMA_PX)
-    return grown(factors, limited[:, :MODES]), sigma
+    changed = blur + limited[:, MODES:]
+    low, high = np.log(_SIGMA_PX[0]), np.log(_SIGMA_PX[1])
+    changed[:, 0] = np.clip(changed[:, 0], low, high)
+    changed[:, 1:] = np.clip(changed[:, 1:], -_MOST_UNEQUAL, _MOST_UNEQUAL)
+    return grown(factors, limited[:, :MODES]), changed
 
 
 def _cells(at: Places, sigma_px: FloatArray, stretches: IntArray, shape: tuple[int, int, int]) -> IntArray:
@@ -183,14 +247,19 @@ def _unlike_others(
     in_use = np.bincount(cells.ravel(), weight.ravel(), size).reshape(shape)
     mean = np.bincount(cells.ravel(), (residual**2 * tells).ravel(), size).reshape(shape) / np.maximum(count, 1.0)
     counted = (in_use > 0.5 * count) & (count >= _LEAST_IN_CELL)
-    usual = np.array(
-        [np.median(row[there]) if there.any() else 0.0 for row, there in zip(mean, counted, strict=True)]
-    )
-    usual = np.maximum(usual, _QUANTIZATION)[:, None, None]
+    usual = np.maximum(_medians(mean, counted), _QUANTIZATION)[:, None, :]
     unlikely = (mean / usual - 1.0) * np.sqrt(count / 2.0) > _UNLIKELY
-    bad = unlikely & (mean > (_COVERED_SHARE * contrast[:, None, None]) ** 2)
+    bad = unlikely & (mean > _ODD * usual) & (mean > (_COVERED_SHARE * contrast[:, None, None]) ** 2)
     crossed = bad[:, :, _AT_RIM]
     return bad | crossed[:, :, None]
+
+
+def _medians(mean: FloatArray, counted: BoolArray) -> FloatArray:
+    """Return the median (m, zones) over the stretches of `mean` (m, stretches, zones) that are `counted`."""
+    ordered = np.sort(np.where(counted, mean, np.inf), axis=1)
+    number = np.sum(counted, axis=1)
+    middle = np.take_along_axis(ordered, np.maximum(number - 1, 0)[:, None] // 2, axis=1)[:, 0]
+    return np.where(number > 0, middle, 0.0)
 
 
 def _correlation(state: Levels, stretch: IntArray, matrix: FloatArray, variance: FloatArray) -> FloatArray:
@@ -201,12 +270,15 @@ def _correlation(state: Levels, stretch: IntArray, matrix: FloatArray, variance:
     """
     projected = state.projected_slopes()
     number = int(stretch.max()) + 1
-    total = np.zeros((len(matrix), MODES + 1, MODES + 1))
+    total = np.zeros((len(matrix), MODES + BLUR, MODES + BLUR))
     scores = np.stack(
-        [np.bincount(stretch.ravel(), (projected[:, i] * state.residual).ravel(), number) for i in range(MODES + 1)]
+        [
+            np.bincount(stretch.ravel(), (projected[:, i] * state.residual).ravel(), number)
+            for i in range(MODES + BLUR)
+        ]
     )
     owner = np.zeros(number, dtype=np.int64)
     owner[stretch.ravel()] = np.repeat(np.arange(len(matrix)), stretch.shape[1])
     np.add.at(total, owner, np.einsum("is,js->sij", scores, scores))
-    ratio = np.einsum("mii->m", np.linalg.solve(matrix, total)) / ((MODES + 1.0) * variance)
+    ratio = np.einsum("mii->m", np.linalg.solve(matrix, total)) / ((MODES + BLUR) * variance)
     return np.maximum(ratio, 1.0)

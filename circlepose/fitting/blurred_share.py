@@ -1,0 +1,175 @@
+"""How much of a rim's inside is in the level of a pixel near it, under Gaussian blur. Many rims at once.
+
+Two ways, which agree where the rim is nearly straight on the scale of the blur:
+
+- `straight`: Phi(-(d + tau^2 kappa/2)/sigma), d the distance to the rim, kappa its curvature, sigma and tau the blur
+  across and along it; an error of order (sigma kappa)^2.
+- `curved`: along lines across the rim, spread like the blur, the stretch inside is exact; in the sum over them only
+  the lens is taken as linear, over a few px. For tips and small discs.
+
+The blur need not be the same in all directions (demosaicking, sharpening along rows, motion): with theta the
+direction across the rim in the image its variance is sigma^2 (1 + alpha cos 2 theta + beta sin 2 theta). Its parameters are
+log sigma, alpha, beta. On a small disc unequal blur looks like a tilt.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import ndtr
+
+from circlepose._typing import FloatArray
+from circlepose.fitting.band import Bands
+from circlepose.rim_modes import MODES
+
+_TIGHTEST = 0.3
+"""Least 1 - kappa d: a pixel nearer to the centre of curvature has no foot point to speak of."""
+BLUR = 3
+_MOST_BEND = 0.7
+_ROOT_TWO_PI = float(np.sqrt(2.0 * np.pi))
+_LINES, _LINE_WEIGHTS = np.polynomial.hermite_e.hermegauss(7)
+_LINE_WEIGHTS = _LINE_WEIGHTS / _ROOT_TWO_PI
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Places:
+    """Where k pixels lie about each of m rims, in the coordinates y = A^-1 x of the cone's factor."""
+
+    distance_px: FloatArray
+    """(m, k) positive outside, to second order"""
+    curvature: FloatArray
+    """(m, k) of the rim at the foot point, 1/px"""
+    plane: tuple[FloatArray, FloatArray]
+    """p = y_12/y_3, (m, k) each: the rim is the unit circle"""
+    radius: FloatArray
+    """(m, k) of p"""
+    across: tuple[FloatArray, FloatArray]
+    """d p / d px across the rim, outwards"""
+    along: tuple[FloatArray, FloatArray]
+    """d p / d px along the rim"""
+    slope: FloatArray
+    """(m, k) change of the radius of p per px across the rim"""
+    doubled: tuple[FloatArray, FloatArray]
+    """cosine and sine, (m, k) each, of twice the direction across the rim in the image"""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Widths:
+    """The blur across and along the rim at each pixel: sigma^2 (1 + bend) and sigma^2 (1 - bend)."""
+
+    across: FloatArray
+    """(m, k) px"""
+    along: FloatArray
+    """(m, k) px"""
+    bend: FloatArray
+    """(m, k)"""
+    doubled: tuple[FloatArray, FloatArray]
+
+    def fill(self, by_parameters: FloatArray, by_across: FloatArray, by_along: FloatArray) -> None:
+        """Write the derivatives to the blur's parameters, from those to the logarithms of both widths."""
+        by_bend = 0.5 * (by_across / (1.0 + self.bend) - by_along / (1.0 - self.bend))
+        by_parameters[:, MODES] = by_across + by_along
+        by_parameters[:, MODES + 1] = by_bend * self.doubled[0]
+        by_parameters[:, MODES + 2] = by_bend * self.doubled[1]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Share:
+    """The share of the inside in the level of k pixels about each of m rims, and its derivatives."""
+
+    share: FloatArray
+    """(m, k) 0 to 1"""
+    by_parameters: FloatArray
+    """(m, 8, k) to the five `rim_modes` and the three of the blur"""
+    z: FloatArray
+    """(m, k) distance from the blurred edge inwards, in sigmas"""
+    widths: Widths
+
+
+def places(bands: Bands, factors: FloatArray) -> Places:
+    """Find where the pixels of `bands` lie about the rims of cones with `factors` (m, 3, 3)."""
+    inverse = np.linalg.inv(factors)
+    (m, k) = bands.levels.shape
+    y = inverse @ np.moveaxis(bands.rays, 0, 1)
+    yj = (inverse @ np.moveaxis(bands.jacobians, 2, 0).reshape(m, 3, 2 * k)).reshape(m, 3, 2, k)
+    per_depth = 1.0 / y[:, 2]
+    p0, p1 = y[:, 0] * per_depth, y[:, 1] * per_depth
+    # d p / d pixel
+    d00, d01 = ((yj[:, 0, j] - p0 * yj[:, 2, j]) * per_depth for j in (0, 1))
+    d10, d11 = ((yj[:, 1, j] - p1 * yj[:, 2, j]) * per_depth for j in (0, 1))
+    radius = np.sqrt(p0 * p0 + p1 * p1)
+    per_radius = 1.0 / np.maximum(radius, 1e-9)
+    u0, u1 = p0 * per_radius, p1 * per_radius
+    g0, g1 = u0 * d00 + u1 * d10, u0 * d01 + u1 * d11
+    slope = np.maximum(np.sqrt(g0 * g0 + g1 * g1), 1e-12)
+    n0, n1 = g0 / slope, g1 / slope
+    across0, across1 = d00 * n0 + d01 * n1, d10 * n0 + d11 * n1
+    along0, along1 = d01 * n0 - d00 * n1, d11 * n0 - d10 * n1
+    sideways = u0 * across1 - u1 * across0
+    distance = (radius - 1.0) / slope
+    distance = distance + 0.5 * sideways * sideways * per_radius / slope * distance * distance
+    curvature = (along0 * along0 + along1 * along1) * per_radius / slope
+    curvature = curvature / np.maximum(1.0 - curvature * distance, _TIGHTEST)
+    doubled = (n0 * n0 - n1 * n1, 2.0 * n0 * n1)
+    return Places(distance, curvature, (p0, p1), radius, (across0, across1), (along0, along1), slope, doubled)
+
+
+def straight(at: Places, blur: FloatArray) -> Share:
+    """Return the shares of pixels `at` their places with `blur` (m, 3), for rims of little curvature."""
+    widths = _widths(at, blur)
+    shift = 0.5 * at.curvature * widths.along**2
+    z = -(at.distance_px + shift) / widths.across
+    density = np.exp(-0.5 * z * z) * (1.0 / _ROOT_TWO_PI)
+    by_growth = density / (widths.across * at.slope)
+    p0, p1 = at.plane
+    per_radius = by_growth / np.maximum(at.radius, 1e-9)
+    by_parameters = np.empty((len(z), MODES + BLUR, z.shape[1]))
+    by_parameters[:, 0] = by_growth * at.radius
+    by_parameters[:, 1], by_parameters[:, 2] = p0 * per_radius, p1 * per_radius
+    by_parameters[:, 3], by_parameters[:, 4] = (p0 * p0 - p1 * p1) * per_radius, 2.0 * p0 * p1 * per_radius
+    widths.fill(by_parameters, -density * z, density * (-2.0 * shift / widths.across))
+    return Share(ndtr(z), by_parameters, z, widths)
+
+
+def curved(at: Places, blur: FloatArray) -> Share:
+    """As `straight`, for any curvature."""
+    widths = _widths(at, blur)
+    (v0, v1), (t0, t1) = at.across, at.along
+    vv = v0 * v0 + v1 * v1
+    shape = at.distance_px.shape
+    share, by_across, by_along = np.zeros(shape), np.zeros(shape), np.zeros(shape)
+    by_parameters = np.zeros((shape[0], MODES + BLUR, shape[1]))
+    for line, weight in zip(_LINES, _LINE_WEIGHTS, strict=True):
+        q0, q1 = at.plane[0] + line * widths.along * t0, at.plane[1] + line * widths.along * t1
+        qv = (q0 * v0 + q1 * v1) / vv
+        under_root = qv * qv - (q0 * q0 + q1 * q1 - 1.0) / vv
+        root = np.sqrt(np.maximum(under_root, 1e-12))
+        for sign in (1.0, -1.0):
+            s = sign * root - qv
+            c0, c1 = q0 + s * v0, q1 + s * v1
+            # Of a line that misses the rim both ends are in one place, and cancel.
+            steep = c0 * v0 + c1 * v1
+            at_end = s / widths.across
+            density = np.exp(-0.5 * at_end * at_end) * (sign * weight / _ROOT_TWO_PI)
+            density[under_root <= 1e-12] = 0.0
+            share += sign * weight * ndtr(at_end)
+            by_across -= density * at_end
+            moved = density / (widths.across * steep)
+            by_along -= moved * (line * widths.along) * (c0 * t0 + c1 * t1)
+            by_parameters[:, 0] += moved
+            by_parameters[:, 1] += moved * c0
+            by_parameters[:, 2] += moved * c1
+            by_parameters[:, 3] += moved * (c0 * c0 - c1 * c1)
+            by_parameters[:, 4] += moved * (2.0 * c0 * c1)
+    widths.fill(by_parameters, by_across, by_along)
+    z = -(at.distance_px + 0.5 * at.curvature * widths.along**2) / widths.across
+    return Share(share, by_parameters, z, widths)
+
+
+def _widths(at: Places, blur: FloatArray) -> Widths:
+    log_sigma, alpha, beta = (blur[:, i, None] for i in range(BLUR))
+    cos, sin = at.doubled
+    bend = np.clip(alpha * cos + beta * sin, -_MOST_BEND, _MOST_BEND)
+    sigma = np.exp(log_sigma)
+    return Widths(sigma * np.sqrt(1.0 + bend), sigma * np.sqrt(1.0 - bend), bend, at.doubled)
