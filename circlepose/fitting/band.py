@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from circlepose._typing import BoolArray, FloatArray, Image, IntArray
+from circlepose._typing import BoolArray, FloatArray, Image, IntArray, RealArray
 from circlepose.camera import Camera
 from circlepose.conic import Ellipse
 
@@ -16,13 +16,13 @@ from circlepose.conic import Ellipse
 class Bands:
     """Pixels of the raw image around m rims, up to k each; those that pad a row have weight 0."""
 
-    levels: FloatArray
+    levels: RealArray
     """(m, k)"""
-    weight: FloatArray
+    weight: RealArray
     """(m, k) 1, or 0 for a pixel that does not count"""
-    rays: FloatArray
+    rays: RealArray
     """(3, m, k) unit length"""
-    jacobians: FloatArray
+    jacobians: RealArray
     """(3, 2, m, k) d ray / d pixel"""
     pixels: FloatArray
     """(m, k, 2)"""
@@ -37,11 +37,11 @@ class Bands:
             self.pixels[which],
         )
 
-    def less(self, light: FloatArray) -> Bands:
+    def less(self, light: RealArray) -> Bands:
         """Return the same pixels with `light` (m, k) taken off their levels."""
         return replace(self, levels=self.levels - light)
 
-    def weighted(self, weight: FloatArray) -> Bands:
+    def weighted(self, weight: RealArray) -> Bands:
         """Return the same pixels with another `weight` (m, k)."""
         return replace(self, weight=weight)
 
@@ -65,10 +65,10 @@ def bands_around(grey: Image, camera: Camera, rims: Sequence[Ellipse], reach_px:
         weight[unseen] = 0.0
         rays[unseen], jacobians[unseen] = np.array([0.0, 0.0, 1.0]), np.eye(3)[:, :2]
     return Bands(
-        levels=grey[y, x].astype(np.float64),
-        weight=weight,
-        rays=np.ascontiguousarray(np.moveaxis(rays, -1, 0)),
-        jacobians=np.ascontiguousarray(np.moveaxis(jacobians, (-2, -1), (0, 1))),
+        levels=grey[y, x].astype(np.float32),
+        weight=weight.astype(np.float32),
+        rays=np.ascontiguousarray(np.moveaxis(rays, -1, 0), dtype=np.float32),
+        jacobians=np.ascontiguousarray(np.moveaxis(jacobians, (-2, -1), (0, 1)), dtype=np.float32),
         pixels=pixels,
     )
 

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtr
 
-from circlepose._typing import FloatArray
+from circlepose._typing import FloatArray, RealArray
 from circlepose.fitting.band import Bands
 from circlepose.fitting.blurred_share import Places, Share
 
@@ -37,15 +37,15 @@ _PLAIN = np.array([*_EXPECTED[:-1], 1e-4])
 class Levels:
     """The levels that fit best, for given cones and blurs; what is said of pixels has the root of their weight."""
 
-    residual: FloatArray
+    residual: RealArray
     """(m, k) model minus measured"""
-    slopes: FloatArray
+    slopes: RealArray
     """(m, 8, k) derivatives to the five modes and the blur, at fixed levels"""
-    linear: FloatArray
+    linear: RealArray
     """(m, 11, k) derivatives to the levels"""
     gram: FloatArray
     """(m, 11, 12) information on the levels, times the noise's variance"""
-    model: FloatArray
+    model: RealArray
     """(m, k) the level, whatever the weight"""
     contrast: FloatArray
     """(m,) levels inside minus outside, on average around the rim"""
@@ -56,12 +56,13 @@ class Levels:
 
     def normal_equations(self) -> tuple[FloatArray, FloatArray]:
         """Return matrix (m, 8, 8) and right side (m, 8) for modes and blur, the levels eliminated."""
-        across = self.linear @ self.slopes.transpose(0, 2, 1)
-        matrix = self.slopes @ self.slopes.transpose(0, 2, 1) - across.transpose(0, 2, 1) @ self._made_up(across)
+        across = (self.linear @ self.slopes.transpose(0, 2, 1)).astype(np.float64)
+        matrix = (self.slopes @ self.slopes.transpose(0, 2, 1)).astype(np.float64)
+        matrix -= across.transpose(0, 2, 1) @ self._made_up(across)
         # The cost is least in the levels, so their change with the modes does not count.
-        return matrix, (self.slopes @ self.residual[..., None])[..., 0]
+        return matrix, (self.slopes @ self.residual[..., None])[..., 0].astype(np.float64)
 
-    def projected_slopes(self) -> FloatArray:
+    def projected_slopes(self) -> RealArray:
         """Return the slopes (m, 8, k) less what the levels make up for, which is no information."""
         across = self.linear @ self.slopes.transpose(0, 2, 1)
         return self.slopes - self._made_up(across).transpose(0, 2, 1) @ self.linear
@@ -85,28 +86,27 @@ def fit_levels(bands: Bands, at: Places, share: Share, stiff: FloatArray) -> Lev
     z = share.z
     root = bands.weight
     shapes = _shapes(at)
-    linear = np.empty((len(z), LINEAR, z.shape[1]))
-    linear[:, :_SHAPES] = shapes * share.share[:, None]
-    linear[:, _SHAPES:-1] = shapes - linear[:, :_SHAPES]
+    linear = np.empty((len(z), LINEAR, z.shape[1]), z.dtype)
+    np.multiply(shapes, share.share[:, None], out=linear[:, :_SHAPES])
+    np.subtract(shapes, linear[:, :_SHAPES], out=linear[:, _SHAPES:-1])
     across, along = share.widths.across, share.widths.along
     wide = -(at.distance_px / _WIDER + 0.5 * _WIDER * at.curvature * along**2) / across
-    linear[:, -1] = ndtr(wide) - ndtr(z)
+    linear[:, -1] = ndtr(wide) - share.straight
     weighted = linear * root[:, None]
-    measured = bands.levels * root
-    gram = weighted @ weighted.transpose(0, 2, 1)
+    gram = (weighted @ weighted.transpose(0, 2, 1)).astype(np.float64)
     ridge = _RIDGE * np.trace(gram, axis1=1, axis2=2) / LINEAR + 1e-30
     gram += (stiff + ridge[:, None])[:, :, None] * np.eye(LINEAR)
-    levels = np.linalg.solve(gram, weighted @ measured[..., None])[..., 0]
-    model = (levels[:, None] @ linear)[:, 0]
-    residual = model * root - measured
-    step = ((levels[:, None, :_SHAPES] - levels[:, None, _SHAPES:-1]) @ shapes)[:, 0] * root
+    levels = np.linalg.solve(gram, (weighted @ (bands.levels * root)[..., None]).astype(np.float64))[..., 0]
+    few = levels.astype(z.dtype)
+    model = (few[:, None] @ linear)[:, 0]
+    residual = (model - bands.levels) * root
+    step = ((few[:, None, :_SHAPES] - few[:, None, _SHAPES:-1]) @ shapes)[:, 0]
     # The odd term moves with the edge.
-    step += levels[:, -1:] * (np.exp(np.minimum(0.5 * (z * z - wide * wide), 8.0)) / _WIDER - 1.0) * root
-    slopes = share.by_parameters * step[:, None]
-    square = np.einsum("mk,mk->m", residual, residual)
+    step += few[:, -1:] * (np.exp(np.minimum(0.5 * (z * z - wide * wide), 8.0)) / _WIDER - 1.0)
+    square = np.einsum("mk,mk->m", residual, residual).astype(np.float64)
     return Levels(
         residual=residual,
-        slopes=slopes,
+        slopes=share.by_parameters * (step * root)[:, None],
         linear=weighted,
         gram=gram,
         model=model,
@@ -116,7 +116,11 @@ def fit_levels(bands: Bands, at: Places, share: Share, stiff: FloatArray) -> Lev
     )
 
 
-def _shapes(at: Places) -> FloatArray:
+def _shapes(at: Places) -> RealArray:
     """Return the harmonic polynomials (m, 5, k) of p up to second order."""
     p0, p1 = at.plane
-    return np.stack([np.ones_like(p0), p0, p1, p0 * p0 - p1 * p1, 2.0 * p0 * p1], axis=1)
+    shapes = np.empty((len(p0), _SHAPES, p0.shape[1]), p0.dtype)
+    shapes[:, 0], shapes[:, 1], shapes[:, 2] = 1.0, p0, p1
+    np.subtract(p0 * p0, p1 * p1, out=shapes[:, 3])
+    np.multiply(2.0 * p0, p1, out=shapes[:, 4])
+    return shapes

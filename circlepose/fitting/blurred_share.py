@@ -8,8 +8,8 @@ Two ways, which agree where the rim is nearly straight on the scale of the blur:
   the lens is taken as linear, over a few px. For tips and small discs.
 
 The blur need not be the same in all directions (demosaicking, sharpening along rows, motion): with theta the
-direction across the rim in the image its variance is sigma^2 (1 + alpha cos 2 theta + beta sin 2 theta). Its parameters are
-log sigma, alpha, beta. On a small disc unequal blur looks like a tilt.
+direction across the rim in the image its variance is sigma^2 (1 + alpha cos 2 theta + beta sin 2 theta), its
+parameters log sigma, alpha and beta. On a small disc unequal blur looks like a tilt.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtr
 
-from circlepose._typing import FloatArray
+from circlepose._typing import FloatArray, RealArray
 from circlepose.fitting.band import Bands
 from circlepose.rim_modes import MODES
 
@@ -36,21 +36,21 @@ _LINE_WEIGHTS = _LINE_WEIGHTS / _ROOT_TWO_PI
 class Places:
     """Where k pixels lie about each of m rims, in the coordinates y = A^-1 x of the cone's factor."""
 
-    distance_px: FloatArray
+    distance_px: RealArray
     """(m, k) positive outside, to second order"""
-    curvature: FloatArray
+    curvature: RealArray
     """(m, k) of the rim at the foot point, 1/px"""
-    plane: tuple[FloatArray, FloatArray]
+    plane: tuple[RealArray, RealArray]
     """p = y_12/y_3, (m, k) each: the rim is the unit circle"""
-    radius: FloatArray
+    radius: RealArray
     """(m, k) of p"""
-    across: tuple[FloatArray, FloatArray]
+    across: tuple[RealArray, RealArray]
     """d p / d px across the rim, outwards"""
-    along: tuple[FloatArray, FloatArray]
+    along: tuple[RealArray, RealArray]
     """d p / d px along the rim"""
-    slope: FloatArray
+    slope: RealArray
     """(m, k) change of the radius of p per px across the rim"""
-    doubled: tuple[FloatArray, FloatArray]
+    doubled: tuple[RealArray, RealArray]
     """cosine and sine, (m, k) each, of twice the direction across the rim in the image"""
 
 
@@ -58,15 +58,15 @@ class Places:
 class Widths:
     """The blur across and along the rim at each pixel: sigma^2 (1 + bend) and sigma^2 (1 - bend)."""
 
-    across: FloatArray
+    across: RealArray
     """(m, k) px"""
-    along: FloatArray
+    along: RealArray
     """(m, k) px"""
-    bend: FloatArray
+    bend: RealArray
     """(m, k)"""
-    doubled: tuple[FloatArray, FloatArray]
+    doubled: tuple[RealArray, RealArray]
 
-    def fill(self, by_parameters: FloatArray, by_across: FloatArray, by_along: FloatArray) -> None:
+    def fill(self, by_parameters: RealArray, by_across: RealArray, by_along: RealArray) -> None:
         """Write the derivatives to the blur's parameters, from those to the logarithms of both widths."""
         by_bend = 0.5 * (by_across / (1.0 + self.bend) - by_along / (1.0 - self.bend))
         by_parameters[:, MODES] = by_across + by_along
@@ -78,18 +78,20 @@ class Widths:
 class Share:
     """The share of the inside in the level of k pixels about each of m rims, and its derivatives."""
 
-    share: FloatArray
+    share: RealArray
     """(m, k) 0 to 1"""
-    by_parameters: FloatArray
+    by_parameters: RealArray
     """(m, 8, k) to the five `rim_modes` and the three of the blur"""
-    z: FloatArray
+    z: RealArray
     """(m, k) distance from the blurred edge inwards, in sigmas"""
+    straight: RealArray
+    """(m, k) Phi(z)"""
     widths: Widths
 
 
 def places(bands: Bands, factors: FloatArray) -> Places:
     """Find where the pixels of `bands` lie about the rims of cones with `factors` (m, 3, 3)."""
-    inverse = np.linalg.inv(factors)
+    inverse = np.linalg.inv(factors).astype(bands.rays.dtype)
     (m, k) = bands.levels.shape
     y = inverse @ np.moveaxis(bands.rays, 0, 1)
     yj = (inverse @ np.moveaxis(bands.jacobians, 2, 0).reshape(m, 3, 2 * k)).reshape(m, 3, 2, k)
@@ -124,12 +126,13 @@ def straight(at: Places, blur: FloatArray) -> Share:
     by_growth = density / (widths.across * at.slope)
     p0, p1 = at.plane
     per_radius = by_growth / np.maximum(at.radius, 1e-9)
-    by_parameters = np.empty((len(z), MODES + BLUR, z.shape[1]))
+    by_parameters = np.empty((len(z), MODES + BLUR, z.shape[1]), z.dtype)
     by_parameters[:, 0] = by_growth * at.radius
     by_parameters[:, 1], by_parameters[:, 2] = p0 * per_radius, p1 * per_radius
     by_parameters[:, 3], by_parameters[:, 4] = (p0 * p0 - p1 * p1) * per_radius, 2.0 * p0 * p1 * per_radius
     widths.fill(by_parameters, -density * z, density * (-2.0 * shift / widths.across))
-    return Share(ndtr(z), by_parameters, z, widths)
+    share = ndtr(z)
+    return Share(share, by_parameters, z, share, widths)
 
 
 def curved(at: Places, blur: FloatArray) -> Share:
@@ -138,9 +141,10 @@ def curved(at: Places, blur: FloatArray) -> Share:
     (v0, v1), (t0, t1) = at.across, at.along
     vv = v0 * v0 + v1 * v1
     shape = at.distance_px.shape
-    share, by_across, by_along = np.zeros(shape), np.zeros(shape), np.zeros(shape)
-    by_parameters = np.zeros((shape[0], MODES + BLUR, shape[1]))
-    for line, weight in zip(_LINES, _LINE_WEIGHTS, strict=True):
+    kind = at.distance_px.dtype
+    share, by_across, by_along = (np.zeros(shape, kind) for _ in range(3))
+    by_parameters = np.zeros((shape[0], MODES + BLUR, shape[1]), kind)
+    for line, weight in zip(_LINES.tolist(), _LINE_WEIGHTS.tolist(), strict=True):
         q0, q1 = at.plane[0] + line * widths.along * t0, at.plane[1] + line * widths.along * t1
         qv = (q0 * v0 + q1 * v1) / vv
         under_root = qv * qv - (q0 * q0 + q1 * q1 - 1.0) / vv
@@ -148,10 +152,10 @@ def curved(at: Places, blur: FloatArray) -> Share:
         for sign in (1.0, -1.0):
             s = sign * root - qv
             c0, c1 = q0 + s * v0, q1 + s * v1
-            # Of a line that misses the rim both ends are in one place, and cancel.
-            steep = c0 * v0 + c1 * v1
+            steep = sign * root * vv
             at_end = s / widths.across
             density = np.exp(-0.5 * at_end * at_end) * (sign * weight / _ROOT_TWO_PI)
+            # A line that misses the rim has both ends in one place.
             density[under_root <= 1e-12] = 0.0
             share += sign * weight * ndtr(at_end)
             by_across -= density * at_end
@@ -164,11 +168,11 @@ def curved(at: Places, blur: FloatArray) -> Share:
             by_parameters[:, 4] += moved * (2.0 * c0 * c1)
     widths.fill(by_parameters, by_across, by_along)
     z = -(at.distance_px + 0.5 * at.curvature * widths.along**2) / widths.across
-    return Share(share, by_parameters, z, widths)
+    return Share(share, by_parameters, z, ndtr(z), widths)
 
 
 def _widths(at: Places, blur: FloatArray) -> Widths:
-    log_sigma, alpha, beta = (blur[:, i, None] for i in range(BLUR))
+    log_sigma, alpha, beta = (blur[:, i, None].astype(at.distance_px.dtype) for i in range(BLUR))
     cos, sin = at.doubled
     bend = np.clip(alpha * cos + beta * sin, -_MOST_BEND, _MOST_BEND)
     sigma = np.exp(log_sigma)

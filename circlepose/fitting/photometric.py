@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from circlepose._typing import BoolArray, FloatArray, IntArray
+from circlepose._typing import BoolArray, FloatArray, IntArray, RealArray
 from circlepose.fitting.band import Bands
 from circlepose.fitting.blurred_edge import LINEAR, Levels, fit_levels, stiffness
 from circlepose.fitting.blurred_share import BLUR, Places, Share, curved, places, straight
@@ -75,7 +75,7 @@ class LevelsFit:
     """(m,) share of the rim that is not left out"""
     converged: BoolArray
     """(m,)"""
-    weight: FloatArray
+    weight: RealArray
     """(m, k) of the pixels, in the end"""
 
 
@@ -104,16 +104,15 @@ def fit_to_levels(
     added = 0.0 if beside is None else beside
     if beside is not None:
         bands = bands.less(beside)
-    state = _state(bands, places(bands, factors), blur, shares, np.zeros((len(factors), LINEAR)))
+    seen = _Seen.of(bands, factors, blur, shares)
+    state = fit_levels(bands, seen.at, seen.share, np.zeros((len(factors), LINEAR)))
     for number in range(_ROUNDS):
         # First the plain edge: what departs from it could otherwise be taken for blur.
         variance = _variance(state, bands)
         stiff = stiffness(variance, state.contrast, plain=number == 0)
         prior = variance[:, None] * expected.information
-        factors, blur, converged = _gauss_newton(bands, factors, blur, shares, stiff, prior, expected.mean)
-        at = places(bands, factors)
-        state = _state(bands, at, blur, shares, stiff)
-        cells = _cells(at, np.exp(blur[:, 0]), stretches, left_out.shape)
+        seen, state, converged = _gauss_newton(bands, seen, shares, stiff, prior, expected.mean)
+        cells = _cells(seen.at, np.exp(seen.blur[:, 0]), stretches, left_out.shape)
         if number == _ROUNDS - 1:
             break
         # A clipped level tells only where the model would have it on this side of the clip.
@@ -121,7 +120,7 @@ def fit_to_levels(
         tells = given & ~((light & (model >= limits[1])) | (dark & (model <= limits[0])))
         misfit = state.model - bands.levels
         left_out = _unlike_others(misfit, tells, bands.weight, cells, state.contrast, left_out.shape)
-        weight = np.where(tells & ~left_out.ravel()[cells], 1.0, 0.0)
+        weight = (tells & ~left_out.ravel()[cells]).astype(bands.weight.dtype)
         if number > 0 and np.array_equal(weight, bands.weight):
             break
         bands = bands.weighted(weight)
@@ -134,9 +133,9 @@ def fit_to_levels(
     correlation = _correlation(state, cells // _ZONES, matrix, variance)
     covariance = np.linalg.inv(matrix) * variance[:, None, None]
     return LevelsFit(
-        factors=factors,
+        factors=seen.factors,
         covariance=covariance[:, :MODES, :MODES] * correlation[:, None, None],
-        blur=blur,
+        blur=seen.blur,
         blur_variance=np.einsum("mii->mi", covariance)[:, MODES:],
         noise_levels=np.sqrt(variance),
         correlation=correlation,
@@ -145,10 +144,6 @@ def fit_to_levels(
         converged=converged & told,
         weight=bands.weight,
     )
-
-
-def _state(bands: Bands, at: Places, blur: FloatArray, shares: Shares, stiff: FloatArray) -> Levels:
-    return fit_levels(bands, at, shares(at, blur), stiff)
 
 
 def _variance(state: Levels, bands: Bands) -> FloatArray:
@@ -163,27 +158,39 @@ def _with_prior(matrix: FloatArray, prior: FloatArray) -> FloatArray:
     return matrix
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Seen:
+    """The rims at some factors and blurs, as their pixels see them."""
+
+    factors: FloatArray
+    blur: FloatArray
+    at: Places
+    share: Share
+
+    @classmethod
+    def of(cls, bands: Bands, factors: FloatArray, blur: FloatArray, shares: Shares) -> _Seen:
+        at = places(bands, factors)
+        return cls(factors, blur, at, shares(at, blur))
+
+
 def _gauss_newton(
-    bands: Bands,
-    factors: FloatArray,
-    blur: FloatArray,
-    shares: Shares,
-    stiff: FloatArray,
-    prior: FloatArray,
-    mean: FloatArray,
-) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Return the factors, blurs and whether they converged; `prior` (m, 3) pulls the blurs to `mean` (m, 3)."""
-    factors, blur = factors.copy(), blur.copy()
+    bands: Bands, seen: _Seen, shares: Shares, stiff: FloatArray, prior: FloatArray, mean: FloatArray
+) -> tuple[_Seen, Levels, BoolArray]:
+    """Return the rims fitted from where they are `seen`, and whether they converged.
 
-    def evaluate(which: IntArray, at_factors: FloatArray, at_blur: FloatArray) -> tuple[FloatArray, ...]:
-        some = bands if len(which) == len(factors) else bands[which]
-        state = _state(some, places(some, at_factors), at_blur, shares, stiff[which])
-        new_matrix, new_gradient = state.normal_equations()
-        off = at_blur - mean[which]
-        new_gradient[:, MODES:] += prior[which] * off
-        return state.cost + np.sum(prior[which] * off**2, axis=1), _with_prior(new_matrix, prior[which]), new_gradient
+    `prior` (m, 3) pulls the blurs to `mean` (m, 3).
+    """
+    factors, blur = seen.factors.copy(), seen.blur.copy()
+    every = np.arange(len(factors))
 
-    cost, matrix, gradient = evaluate(np.arange(len(factors)), factors, blur)
+    def evaluate(some: Bands, now: _Seen, which: IntArray) -> tuple[Levels, FloatArray, FloatArray, FloatArray]:
+        state = fit_levels(some, now.at, now.share, stiff[which])
+        matrix, gradient = state.normal_equations()
+        off = now.blur - mean[which]
+        gradient[:, MODES:] += prior[which] * off
+        return state, state.cost + np.sum(prior[which] * off**2, axis=1), _with_prior(matrix, prior[which]), gradient
+
+    current, (state, cost, matrix, gradient) = seen, evaluate(bands, seen, every)
     damping = np.full(len(factors), _START_DAMPING)
     counted = np.maximum(np.sum(bands.weight, axis=1), 1.0)
     running = np.ones(len(factors), dtype=np.bool_)
@@ -192,22 +199,25 @@ def _gauss_newton(
         damped = matrix + (diagonal * damping[:, None])[:, :, None] * np.eye(MODES + BLUR)
         step = -np.linalg.solve(damped, gradient[..., None])[..., 0]
         gain = -np.sum(step * gradient, axis=1)
-        worth = gain > _CONVERGED * (cost / counted + _QUANTIZATION)
-        trial, trial_blur = _after(factors, blur, step)
-        # The last step costs nothing, and helps.
-        ends = running & ~worth
-        factors[ends], blur[ends] = trial[ends], trial_blur[ends]
-        running = running & worth & (damping < _MOST_DAMPING)
+        running &= (gain > _CONVERGED * (cost / counted + _QUANTIZATION)) & (damping < _MOST_DAMPING)
         which = np.flatnonzero(running)
         if len(which) == 0:
             break
-        new_cost, new_matrix, new_gradient = evaluate(which, trial[which], trial_blur[which])
+        some = bands if len(which) == len(every) else bands[which]
+        trial = _Seen.of(some, *_after(factors[which], blur[which], step[which]), shares)
+        new_state, new_cost, new_matrix, new_gradient = evaluate(some, trial, which)
         better = new_cost <= cost[which]
         damping[which] = np.where(better, damping[which] * 0.1, np.maximum(damping[which] * 30.0, 1e-3))
         taken = which[better]
-        factors[taken], blur[taken], cost[taken] = trial[taken], trial_blur[taken], new_cost[better]
+        factors[taken], blur[taken], cost[taken] = trial.factors[better], trial.blur[better], new_cost[better]
         matrix[taken], gradient[taken] = new_matrix[better], new_gradient[better]
-    return factors, blur, ~running & (damping < _MOST_DAMPING)
+        if len(taken) == len(every):
+            current, state = trial, new_state
+    converged = ~running & (damping < _MOST_DAMPING)
+    if not (np.array_equal(current.factors, factors) and np.array_equal(current.blur, blur)):
+        current = _Seen.of(bands, factors, blur, shares)
+        state = fit_levels(bands, current.at, current.share, stiff)
+    return current, state, converged
 
 
 def _after(factors: FloatArray, blur: FloatArray, step: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -230,9 +240,9 @@ def _cells(at: Places, sigma_px: FloatArray, stretches: IntArray, shape: tuple[i
 
 
 def _unlike_others(
-    residual: FloatArray,
+    residual: RealArray,
     tells: BoolArray,
-    weight: FloatArray,
+    weight: RealArray,
     cells: IntArray,
     contrast: FloatArray,
     shape: tuple[int, int, int],
