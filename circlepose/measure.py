@@ -87,7 +87,8 @@ class Rim:
 def fit_rim(levels: Image, camera: Camera, contour: Contour, *, refine: bool = True) -> Rim | None:
     """Fit the viewing cone of `contour` in the grey image `levels` (h, w); None when it has none.
 
-    Without `refine` the contour's own points are fitted and no edge is placed again.
+    Without `refine` the contour's own points are fitted and no edge is placed again; nor for a contour seen whole,
+    which is good enough a start for a fit to the levels.
     """
     is_sliver = bool(are_thin(contour.ellipse))
     has_sharp_tips = contour.rim_used < _FULL_RIM and _has_sharp_tips(contour.ellipse)
@@ -99,11 +100,18 @@ def fit_rim(levels: Image, camera: Camera, contour: Contour, *, refine: bool = T
     fit = fit_cone(camera, contour.points)
     if fit is None:
         return None
-    if not refine:
-        return rim_from_fit(camera, fit, contour.points, contour.rim_used, contour.polarity)
-    factor = fit.factor
+    rim = rim_from_fit(camera, fit, contour.points, contour.rim_used, contour.polarity)
+    if rim is None or not refine or (contour.rim_used > _FULL_RIM and fit.rms_px < _FINEST_RMS_PX):
+        return rim
+    rim = with_edges_placed(levels, camera, rim)
+    return None if rim is not None and has_sharp_tips and not _spans(rim) else rim
+
+
+def with_edges_placed(levels: Image, camera: Camera, rim: Rim) -> Rim | None:
+    """Return `rim` measured on edges placed anew along it; None where too few agree."""
+    factor = rim.cone.factor
     for last in (False, True):
-        placed = _place_edges(levels, camera, factor, contour.ellipse)
+        placed = _place_edges(levels, camera, factor, rim.ellipse)
         if placed is None:
             return None
         edges, places = placed
@@ -123,8 +131,7 @@ def fit_rim(levels: Image, camera: Camera, contour: Contour, *, refine: bool = T
         if last:
             break
         factor = cone.factor
-    rim = rim_from_fit(camera, cone, used.pixels, len(used) / places, contour.polarity)
-    return None if rim is not None and has_sharp_tips and not _spans(rim) else rim
+    return rim_from_fit(camera, cone, used.pixels, len(used) / places, rim.polarity)
 
 
 def _place_edges(

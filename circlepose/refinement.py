@@ -15,7 +15,7 @@ from circlepose.fitting.direct import fit_ellipse
 from circlepose.fitting.neighbours import bands_that_meet, light_of_neighbours
 from circlepose.fitting.photometric import Expected, LevelsFit, fit_to_levels
 from circlepose.fitting.viewing_cone import ConeFit, rim_distance_px
-from circlepose.measure import Rim, rim_pixels
+from circlepose.measure import Rim, rim_pixels, with_edges_placed
 
 _REACH_PX = 4.0
 _REACH_SIGMA = 3.5
@@ -32,6 +32,10 @@ _LOOSE, _TIGHT = 0.05, 0.03
 _LEAST_UNEQUAL = 0.1
 """Less is not told from texture."""
 _ODD_NOISE, _TINY_PX = 0.04, 7.0
+_LEAST_SIGMAS = 2.5
+"""Semi-minor axis, in blurs, below which width and blur are hard to tell apart."""
+_MANY = 5
+"""Rims that tell of the blur that they share."""
 _SMALL_PX = 20.0
 """Semi-minor axis below which unequal blur passes for a tilt."""
 _CURVED_PX = 8.0
@@ -52,18 +56,18 @@ def refined(grey: Image, camera: Camera, rims: Sequence[Rim]) -> list[Rim]:
         blurred = _REACH_SIGMA * sigma > 1.1 * reach
         crowded = bands_that_meet(ellipses, reach + _REACH_SIGMA * sigma, contrast)
         small = np.array([float(rim.ellipse.semi_minor) < _SMALL_PX for rim in rims])
-        order = [i for i in open_ if not again or blurred[i] or crowded[i] or small[i]]
+        order = [i for i in open_ if not again or blurred[i] or crowded[i] or (small[i] and len(open_) >= _MANY)]
         order.sort(key=lambda i: (_is_curved(rims[i]), _perimeter(rims[i])))
         expected = (
             _expected(blur, variance) if again else Expected(blur, np.full(blur.shape, _LOOSE**-2) * [0.0, 1.0, 1.0])
         )
         if again:
             reach = np.where(blurred, _REACH_SIGMA * sigma, reach)
-        before = (ellipses, sigma, contrast.copy())
+        neighbours = (ellipses, sigma, contrast.copy())
         fits = {}
         for chunk in _chunks(order, rims, reach):
             bands = bands_around(grey, camera, [done[i].ellipse for i in chunk], reach[chunk])
-            beside = light_of_neighbours(bands.pixels, np.array(chunk), *before, reach)
+            beside = light_of_neighbours(bands.pixels, np.array(chunk), *neighbours, reach)
             perimeter = np.array([_perimeter(rims[i]) for i in chunk])
             factors = np.stack([done[i].cone.factor for i in chunk])
             some = Expected(expected.mean[chunk], expected.information[chunk])
@@ -82,8 +86,11 @@ def refined(grey: Image, camera: Camera, rims: Sequence[Rim]) -> list[Rim]:
                 if fit.converged[k]:
                     blur[i], variance[i], contrast[i] = fit.blur[k], fit.blur_variance[k], fit.contrast_levels[k]
         for i, rim in fits.items():
-            done[i] = replace(rim, is_edges_only=True) if rim is rims[i] else rim
+            done[i] = rim
         ellipses = [rim.ellipse for rim in done]
+    for i in open_:
+        if done[i] is rims[i]:
+            done[i] = replace(with_edges_placed(grey, camera, rims[i]) or rims[i], is_edges_only=True)
     return done
 
 
@@ -113,7 +120,8 @@ def _accepted(camera: Camera, rim: Rim, fit: LevelsFit, k: int, *, lone: bool) -
     noise = fit.noise_levels[k] / max(abs(float(fit.contrast_levels[k])), 1e-9)
     # Of a tiny disc the levels tell no more than the edges where they are not understood.
     is_odd = lone and noise > _ODD_NOISE and float(rim.ellipse.semi_minor) < _TINY_PX
-    if not fit.converged[k] or noise >= _WORST_NOISE or is_odd or fit.rim_used[k] <= _LEAST_RIM:
+    is_blob = float(rim.ellipse.semi_minor) < _LEAST_SIGMAS * np.exp(fit.blur[k, 0])
+    if not fit.converged[k] or noise >= _WORST_NOISE or is_odd or is_blob or fit.rim_used[k] <= _LEAST_RIM:
         return rim
     predicted = rim_pixels(camera, factor, 90)
     ellipse = fit_ellipse(predicted)

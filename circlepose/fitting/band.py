@@ -41,6 +41,16 @@ class Bands:
         """Return the same pixels with `light` (m, k) taken off their levels."""
         return replace(self, levels=self.levels - light)
 
+    def thinned(self, step: int) -> Bands:
+        """Return every so many-th of the pixels."""
+        return Bands(
+            self.levels[:, ::step],
+            self.weight[:, ::step],
+            self.rays[:, :, ::step],
+            self.jacobians[:, :, :, ::step],
+            self.pixels[:, ::step],
+        )
+
     def weighted(self, weight: RealArray) -> Bands:
         """Return the same pixels with another `weight` (m, k)."""
         return replace(self, weight=weight)
