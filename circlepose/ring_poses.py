@@ -1,0 +1,112 @@
+"""The candidate poses of a ring target, each of all its rims together, and which is right."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from circlepose._typing import FloatArray
+from circlepose.camera import Camera
+from circlepose.cone import ConeKind, principal_frame
+from circlepose.fitting.viewing_cone import SeenPoints
+from circlepose.joint import (
+    RADIUS_SHARE,
+    AxisPose,
+    JointPose,
+    RimEvidence,
+    RingProblem,
+    are_one,
+    chance_of_second,
+    from_edges,
+    from_levels,
+)
+from circlepose.measure import Rim
+from circlepose.ring_families import least_misfit, other_heights
+from circlepose.solvers.chen_huang import poses_from_frame
+from circlepose.target import Target
+
+_FLATTEST = 1e-9
+"""Relative determinant of a cone's factor below which its circle is seen edge-on."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TargetPoses:
+    """The poses of a target that its rims allow, the likelier first."""
+
+    poses: tuple[AxisPose, ...]
+    """one or two"""
+    covariances: tuple[tuple[FloatArray, ...] | None, ...]
+    """of each pose, for each circle (5, 5); None where edges alone were placed, whose errors go together"""
+    ambiguity: float
+    """probability that the first is wrong"""
+
+
+def target_poses(rims: Sequence[Rim], camera: Camera, target: Target, cone: str) -> TargetPoses | None:
+    """Return the poses of the target whose circles have these `rims`, the largest first.
+
+    `cone` is the kind of the largest circle's; of a right one a single pose comes back. None where a rim is seen
+    edge-on, or no pose agrees with them.
+    """
+    if any(_is_flat(rim.cone.factor) for rim in rims):
+        return None
+    seen = [SeenPoints.of(camera, rim.points) for rim in rims]
+    evidence = tuple(
+        _evidence(rim, radius, points) for rim, radius, points in zip(rims, target.radii_mm, seen, strict=True)
+    )
+    centers, normals = poses_from_frame(principal_frame(rims[0].cone.factor), target.radii_mm[0])
+    starts, problems = [], []
+    for center, normal in zip(centers, normals, strict=True):
+        height = 0.0 if target.kind == "coplanar" else least_misfit(center, normal, 1, seen[1], target)[1]
+        starts.append(AxisPose(center, normal, height))
+        problems.append(RingProblem(evidence, height, _height_sigma(target)))
+    solved = [problem.solve(start) for problem, start in zip(problems, starts, strict=True)]
+    first, second = solved
+    if first is not None and second is not None and are_one(first, second):
+        # All rims together leave one optimum; the other candidate is then the largest circle's own.
+        other = int(np.argmin([start.normal @ first.pose.normal for start in starts]))
+        solved[other] = None
+    found = [
+        problem.at(start) if each is None else each
+        for each, problem, start in zip(solved, problems, starts, strict=True)
+    ]
+    told = all(rim.modes_covariance is not None for rim in rims)
+    return _ranked([each for each in found if each is not None], len(rims), told, cone)
+
+
+def _ranked(found: list[JointPose], circles: int, told: bool, cone: str) -> TargetPoses | None:
+    if not found:
+        return None
+    found = sorted(found, key=lambda joint: -joint.log_weight)
+    chance = 0.0 if len(found) == 1 else chance_of_second(found[0].log_weight, found[1].log_weight)
+    covariances = [[joint.covariance_of(i) for i in range(circles)] for joint in found]
+    if cone == ConeKind.RIGHT and len(found) == 2:
+        # One pose is told; that it may be the other, close by, is a part of its error.
+        for number, covariance in enumerate(covariances[0]):
+            apart = found[0].pose.offset(number, found[1].pose)
+            covariance += chance * np.outer(apart, apart)
+        found, chance = found[:1], 0.0
+    return TargetPoses(
+        tuple(joint.pose for joint in found),
+        tuple(tuple(each) if told else None for each in covariances[: len(found)]),
+        chance,
+    )
+
+
+def _evidence(rim: Rim, radius: float, seen: SeenPoints) -> RimEvidence:
+    if rim.modes_covariance is not None:
+        return from_levels(rim.cone.factor, radius, rim.modes_covariance)
+    return from_edges(rim.cone.factor, radius, seen.rays, seen.jacobians, rim.cone.rms_px)
+
+
+def _height_sigma(target: Target) -> float:
+    if target.kind == "coplanar":
+        return 0.0
+    heights = other_heights(1, target)
+    return np.inf if heights is None else RADIUS_SHARE * max(float(heights[0]), target.radii_mm[0])
+
+
+def _is_flat(factor: FloatArray) -> bool:
+    columns = factor / np.linalg.norm(factor, axis=0)
+    return abs(float(np.linalg.det(columns))) < _FLATTEST
