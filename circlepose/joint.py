@@ -26,13 +26,13 @@ RADIUS_SHARE = 2e-3
 """Standard deviation of another circle's radius, and of a height, relative to the largest circle."""
 PLACE_SHARE = 1e-4
 """Standard deviation of another circle's centre, in each direction, in radii of the largest."""
-INDEPENDENT_EDGES = 6.0
+INDEPENDENT_EDGES = 12.0
 """The errors of edges go together along a rim: so many of them at most are worth as much as all."""
-LEAST_EDGE_PX = 0.02
 _FREEDOM = 10.0
 """Degrees of freedom behind the errors that rims are measured with: of Student's t."""
 _STEPS = 40
-_WORTH = 1e-6
+_WORTH = 1e-4
+"""A step that would lower chi-square by less is worth nothing."""
 _WORST_CONDITION = 1e14
 _MOST_DAMPING = 1e8
 _LONGEST = 0.2
@@ -112,15 +112,16 @@ class JointPose:
 
 def from_levels(factor: FloatArray, radius: float, modes_covariance: FloatArray) -> RimEvidence:
     """Return the evidence of a rim fitted to grey levels, with the covariance (5, 5) of its modes."""
-    return RimEvidence(factor, radius, np.zeros(MODES), np.linalg.inv(modes_covariance))
+    return RimEvidence(factor, radius, np.zeros(MODES), np.asarray(np.linalg.inv(modes_covariance)))
 
 
 def from_edges(
-    factor: FloatArray, radius: float, rays: FloatArray, jacobians: FloatArray, rms_px: float
+    factor: FloatArray, radius: float, rays: FloatArray, jacobians: FloatArray, scatter_px: float, common_px: float
 ) -> RimEvidence:
     """Return the evidence of edges near the rim of the cone with `factor`, also along a part of it alone.
 
-    `rays` (n, 3) of the edges and `jacobians` (n, 3, 2) = d ray / d pixel; `rms_px` is their scatter.
+    `rays` (n, 3) of the edges and `jacobians` (n, 3, 2) = d ray / d pixel. Their errors are `scatter_px` from place
+    to place, and `common_px` of all together.
     """
     inverse = np.linalg.inv(factor)
     local = rays @ inverse.T
@@ -130,8 +131,8 @@ def from_edges(
     per_px = np.linalg.norm(np.einsum("ni,nij->nj", by_ray, jacobians), axis=-1)
     slopes = mode_shapes(np.arctan2(local[:, 1], local[:, 0])) / per_px[:, None]
     distance = (ratio - 1.0) / per_px
-    variance = max(rms_px, LEAST_EDGE_PX) ** 2 * max(len(rays) / INDEPENDENT_EDGES, 1.0)
-    amounts = np.linalg.lstsq(slopes, distance, rcond=1e-6)[0]
+    variance = scatter_px**2 * max(len(rays) / INDEPENDENT_EDGES, 1.0) + common_px**2 * len(rays)
+    amounts: FloatArray = np.linalg.lstsq(slopes, distance, rcond=1e-6)[0]
     return RimEvidence(factor, radius, amounts, slopes.T @ slopes / variance)
 
 
@@ -195,7 +196,7 @@ class RingProblem:
         ]
 
     def _with_tolerances(self, pose: AxisPose) -> list[FloatArray]:
-        """Return the information (5, 5) of each rim, when its circle is known relative to the largest to a tolerance."""
+        """Return the information (5, 5) of each rim, its circle known relative to the largest to a tolerance."""
         told = [self.rims[0].information]
         for rim in self.rims[1:]:
             slopes = pose_derivatives(rim.factor, *pose.circle(1), rim.radius)[:, [0, 1, 2, 5]]

@@ -23,10 +23,22 @@ from circlepose.joint import (
     from_levels,
 )
 from circlepose.measure import Rim
+from circlepose.rim_modes import MODES
 from circlepose.ring_families import least_misfit, other_heights
 from circlepose.solvers.chen_huang import poses_from_frame
 from circlepose.target import Target
 
+_LEAST_SCATTER_PX = 0.02
+_BLUR_PX = 0.7
+"""Blur of a usual rim: where it curves, its edge is placed off by half the curvature times the blur squared."""
+_CONTRADICTED = 0.5
+"""Mean squared standard errors, of edges, by which these contradict a fit to the levels."""
+_FULL_RIM = 0.9
+_BESIDE_EDGES = 4.0
+_BESIDE_LEVELS_PX = 0.02
+_BESIDE_APART_PX = 0.08
+"""Where one circle hides part of another: edges are off by so much more all together, each mode of a fit to levels by
+that much, and such a fit is contradicted by edges that far away."""
 _FLATTEST = 1e-9
 """Relative determinant of a cone's factor below which its circle is seen edge-on."""
 
@@ -38,22 +50,27 @@ class TargetPoses:
     poses: tuple[AxisPose, ...]
     """one or two"""
     covariances: tuple[tuple[FloatArray, ...] | None, ...]
-    """of each pose, for each circle (5, 5); None where edges alone were placed, whose errors go together"""
+    """of each pose, for each circle (5, 5); None where none can be vouched for"""
     ambiguity: float
     """probability that the first is wrong"""
 
 
-def target_poses(rims: Sequence[Rim], camera: Camera, target: Target, cone: str) -> TargetPoses | None:
+def target_poses(
+    rims: Sequence[Rim], camera: Camera, target: Target, cone: str, *, placed: bool = True
+) -> TargetPoses | None:
     """Return the poses of the target whose circles have these `rims`, the largest first.
 
-    `cone` is the kind of the largest circle's; of a right one a single pose comes back. None where a rim is seen
-    edge-on, or no pose agrees with them.
+    `cone` is the kind of the largest circle's; of a right one a single pose comes back. `placed` tells whether edges
+    were placed along the rims: of a contour's own points nobody knows how far they are off in common, and there is
+    no covariance. None where a rim is seen edge-on, or no pose agrees with them.
     """
     if any(_is_flat(rim.cone.factor) for rim in rims):
         return None
     seen = [SeenPoints.of(camera, rim.points) for rim in rims]
+    beside = target.kind == "coaxial" and any(rim.rim_used < _FULL_RIM for rim in rims)
     evidence = tuple(
-        _evidence(rim, radius, points) for rim, radius, points in zip(rims, target.radii_mm, seen, strict=True)
+        _evidence(rim, radius, points, beside=beside)
+        for rim, radius, points in zip(rims, target.radii_mm, seen, strict=True)
     )
     centers, normals = poses_from_frame(principal_frame(rims[0].cone.factor), target.radii_mm[0])
     starts, problems = [], []
@@ -71,11 +88,10 @@ def target_poses(rims: Sequence[Rim], camera: Camera, target: Target, cone: str)
         problem.at(start) if each is None else each
         for each, problem, start in zip(solved, problems, starts, strict=True)
     ]
-    told = all(rim.modes_covariance is not None for rim in rims)
-    return _ranked([each for each in found if each is not None], len(rims), told, cone)
+    return _ranked([each for each in found if each is not None], len(rims), placed, cone)
 
 
-def _ranked(found: list[JointPose], circles: int, told: bool, cone: str) -> TargetPoses | None:
+def _ranked(found: list[JointPose], circles: int, placed: bool, cone: str) -> TargetPoses | None:
     if not found:
         return None
     found = sorted(found, key=lambda joint: -joint.log_weight)
@@ -83,21 +99,35 @@ def _ranked(found: list[JointPose], circles: int, told: bool, cone: str) -> Targ
     covariances = [[joint.covariance_of(i) for i in range(circles)] for joint in found]
     if cone == ConeKind.RIGHT and len(found) == 2:
         # One pose is told; that it may be the other, close by, is a part of its error.
-        for number, covariance in enumerate(covariances[0]):
-            apart = found[0].pose.offset(number, found[1].pose)
-            covariance += chance * np.outer(apart, apart)
+        offsets = [found[0].pose.offset(i, found[1].pose) for i in range(circles)]
+        covariances[0] = [told + chance * np.outer(o, o) for told, o in zip(covariances[0], offsets, strict=True)]
         found, chance = found[:1], 0.0
     return TargetPoses(
         tuple(joint.pose for joint in found),
-        tuple(tuple(each) if told else None for each in covariances[: len(found)]),
+        tuple(tuple(each) if placed else None for each in covariances[: len(found)]),
         chance,
     )
 
 
-def _evidence(rim: Rim, radius: float, seen: SeenPoints) -> RimEvidence:
-    if rim.modes_covariance is not None:
-        return from_levels(rim.cone.factor, radius, rim.modes_covariance)
-    return from_edges(rim.cone.factor, radius, seen.rays, seen.jacobians, rim.cone.rms_px)
+def _evidence(rim: Rim, radius: float, seen: SeenPoints, *, beside: bool) -> RimEvidence:
+    """Return what a rim tells: its levels, unless its edges contradict them, or else the edges.
+
+    `beside`: one circle hides part of another, so that the surroundings change along the rim.
+    """
+    semi_major, semi_minor = float(rim.ellipse.semi_major), float(rim.ellipse.semi_minor)
+    common = _BLUR_PX**2 / 2.0 * semi_major / semi_minor**2 * (_BESIDE_EDGES if beside else 1.0)
+    scatter = max(rim.cone.rms_px, _LEAST_SCATTER_PX)
+    edges = from_edges(rim.cone.factor, radius, seen.rays, seen.jacobians, scatter, common)
+    if rim.modes_covariance is None:
+        return edges
+    apart = edges.amounts
+    if beside:
+        is_contradicted = float(np.linalg.norm(apart)) * semi_major > _BESIDE_APART_PX
+        uneven = (_BESIDE_LEVELS_PX / semi_major) ** 2 * np.eye(MODES)
+    else:
+        is_contradicted = bool(apart @ edges.information @ apart > _CONTRADICTED * MODES)
+        uneven = np.zeros((MODES, MODES))
+    return edges if is_contradicted else from_levels(rim.cone.factor, radius, rim.modes_covariance + uneven)
 
 
 def _height_sigma(target: Target) -> float:

@@ -31,13 +31,20 @@ _UNTOLD = 0.45
 
 
 def find_ring_targets(
-    rims: Sequence[Rim], camera: Camera, target: Target, methods: tuple[str, ...], rejected: Counter[Rejection]
+    rims: Sequence[Rim],
+    camera: Camera,
+    target: Target,
+    methods: tuple[str, ...],
+    rejected: Counter[Rejection],
+    *,
+    placed: bool = True,
 ) -> list[CircleResult]:
     """Return the results of all circles of up to `target.count` ring targets among `rims`, best agreement first.
 
-    The first rim's candidates are solved with the largest radius; each predicts where the other circles must
-    be seen, and the candidate with the smaller misfit is chosen. Without a complete target the most evident
-    rim is reported alone, as the largest circle that what is known of the target allows, flagged `lone_circle`.
+    The first rim's candidates are solved with the largest radius; each predicts where the other circles must be
+    seen, and is then fitted to all rims together (`ring_poses`), where it is one method's poses that are asked for.
+    Without a complete target the most evident rim is reported alone, as the largest circle that what is known of the
+    target allows, flagged `lone_circle`. `placed` tells whether edges were placed along the rims.
     """
     families = find_families(rims, camera, target)
     used = sum(len(family.members) for family in families)
@@ -45,7 +52,7 @@ def find_ring_targets(
     results = [
         result
         for instance, family in enumerate(families)
-        for result in _target_results(family, rims, camera, target, methods, instance)
+        for result in _target_results(family, rims, camera, target, methods, instance, placed)
     ]
     return results or _lone_circle(rims, camera, target, methods)
 
@@ -66,11 +73,17 @@ def _lone_circle(rims: Sequence[Rim], camera: Camera, target: Target, methods: t
 
 
 def _target_results(
-    family: Family, rims: Sequence[Rim], camera: Camera, target: Target, methods: tuple[str, ...], instance: int
+    family: Family,
+    rims: Sequence[Rim],
+    camera: Camera,
+    target: Target,
+    methods: tuple[str, ...],
+    instance: int,
+    placed: bool,
 ) -> list[CircleResult]:
     """Results of one target's circles: by one pose of them all, each method's own ones in the order that it tells."""
     members = [rims[number] for number in family.members]
-    poses = target_poses(members, camera, target, family.solutions.cone)
+    poses = target_poses(members, camera, target, family.solutions.cone, placed=placed)
     chance, wanted = _by_misfits(family, members) if poses is None else (poses.ambiguity, poses.poses[0].normal)
     is_strained = _is_strained(family, rims)
     strained = (Flag.RING_MISFIT,) if is_strained else ()
