@@ -153,6 +153,8 @@ class RingProblem:
         pose, cost, damping = start, self._cost(start, told), 1e-4
         for _ in range(_STEPS):
             matrix, gradient = self._equations(pose, told, size)
+            if not 0.0 < np.trace(matrix) < np.inf:
+                return None
             while damping < _MOST_DAMPING:
                 damped = matrix + np.diag(damping * np.diag(matrix) + 1e-14 * np.trace(matrix))
                 step = -np.linalg.solve(damped, gradient)

@@ -29,12 +29,14 @@ from circlepose.solvers.chen_huang import poses_from_frame
 from circlepose.target import Target
 
 _LEAST_SCATTER_PX = 0.02
-_BLUR_PX = 0.7
-"""Blur of a usual rim: where it curves, its edge is placed off by half the curvature times the blur squared."""
+_EDGES_PX2 = 10.0
+"""Edges are off all together, by blur, the curvature of the rim and its neighbours: by this over the squared
+semi-minor axis, in rendered views."""
+_MOST_COMMON_PX = 0.5
 _CONTRADICTED = 0.5
 """Mean squared standard errors, of edges, by which these contradict a fit to the levels."""
 _FULL_RIM = 0.9
-_BESIDE_EDGES = 4.0
+_BESIDE_EDGES = 2.0
 _BESIDE_LEVELS_PX = 0.02
 _BESIDE_APART_PX = 0.08
 """Where one circle hides part of another: edges are off by so much more all together, each mode of a fit to levels by
@@ -115,10 +117,10 @@ def _evidence(rim: Rim, radius: float, seen: SeenPoints, *, beside: bool) -> Rim
     `beside`: one circle hides part of another, so that the surroundings change along the rim.
     """
     semi_major, semi_minor = float(rim.ellipse.semi_major), float(rim.ellipse.semi_minor)
-    common = _BLUR_PX**2 / 2.0 * semi_major / semi_minor**2 * (_BESIDE_EDGES if beside else 1.0)
+    common = min(_EDGES_PX2 / semi_minor**2, _MOST_COMMON_PX) * (_BESIDE_EDGES if beside else 1.0)
     scatter = max(rim.cone.rms_px, _LEAST_SCATTER_PX)
     edges = from_edges(rim.cone.factor, radius, seen.rays, seen.jacobians, scatter, common)
-    if rim.modes_covariance is None:
+    if rim.modes_covariance is None or not np.all(np.linalg.eigvalsh(rim.modes_covariance) > 0.0):
         return edges
     apart = edges.amounts
     if beside:
