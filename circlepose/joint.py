@@ -31,13 +31,13 @@ INDEPENDENT_EDGES = 12.0
 _FREEDOM = 10.0
 """Degrees of freedom behind the errors that rims are measured with: of Student's t."""
 _STEPS = 40
-_WORTH = 1e-4
-"""A step that would lower chi-square by less is worth nothing."""
+_WORTH = 1e-3
+"""After a step that would lower chi-square by less there is nothing to gain."""
 _WORST_CONDITION = 1e14
 _MOST_DAMPING = 1e8
 _LONGEST = 0.2
 """Longest step: of the centre in shares of the distance, of the normal in rad."""
-_SAME_SIGMAS = 0.1
+_SAME_SIGMAS = 1.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -155,9 +155,10 @@ class RingProblem:
             matrix, gradient = self._equations(pose, told, size)
             if not 0.0 < np.trace(matrix) < np.inf:
                 return None
+            ridge = 1e-14 * np.trace(matrix) * np.eye(len(size))
+            gain = float(gradient @ np.linalg.solve(matrix + ridge, gradient))
             while damping < _MOST_DAMPING:
-                damped = matrix + np.diag(damping * np.diag(matrix) + 1e-14 * np.trace(matrix))
-                step = -np.linalg.solve(damped, gradient)
+                step = -np.linalg.solve(matrix + ridge + damping * np.diag(np.diag(matrix)), gradient)
                 step = step * min(1.0, _LONGEST / max(float(np.max(np.abs(step[:5]))), 1e-300))
                 trial = _moved(pose, step * size)
                 trial_cost = self._cost(trial, told)
@@ -166,8 +167,9 @@ class RingProblem:
                 damping = max(damping * 10.0, 1e-6)
             else:
                 break
-            gained, pose, cost, damping = cost - trial_cost, trial, trial_cost, damping * 0.1
-            if gained < _WORTH:
+            pose, cost, damping = trial, trial_cost, damping * 0.1
+            # However short the damping made this step, the whole one would not be worth more.
+            if gain < _WORTH:
                 break
         return self.at(pose)
 

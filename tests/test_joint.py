@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from cases import circle_case, circle_cases
@@ -71,6 +71,8 @@ def disturbed(case, pose):
 
 @given(circle_cases(40.0, st.floats(15.0, 75.0)), st.sampled_from([0.0, 0.8, -0.5]), st.sampled_from([0.5, np.inf]))
 def test_from_exact_rims_comes_the_exact_pose(case, height, height_sigma):
+    # Farther than a few diameters, as from a part's candidates the way to its pose is short.
+    assume(float(np.linalg.norm(case.center)) > 6.0 * case.radius)
     coaxial = height != 0.0
     ring, pose = problem(case, (1.0, 0.7), height * case.radius, height_sigma if coaxial else 0.0)
     start = disturbed(case, pose)
