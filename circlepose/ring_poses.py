@@ -10,6 +10,7 @@ import numpy as np
 from circlepose._typing import FloatArray
 from circlepose.camera import Camera
 from circlepose.cone import ConeKind, principal_frame
+from circlepose.conic import signed_distance
 from circlepose.fitting.viewing_cone import SeenPoints
 from circlepose.joint import (
     RADIUS_SHARE,
@@ -28,6 +29,7 @@ from circlepose.ring_families import least_misfit, other_heights
 from circlepose.solvers.chen_huang import poses_from_frame
 from circlepose.target import Target
 
+_PLACES = 90
 _LEAST_SCATTER_PX = 0.02
 _EDGES_PX2 = 10.0
 """Edges are off all together, by blur, the curvature of the rim and its neighbours: by this over the squared
@@ -35,12 +37,12 @@ semi-minor axis, in rendered views."""
 _MOST_COMMON_PX = 0.5
 _CONTRADICTED = 0.5
 """Mean squared standard errors, of edges, by which these contradict a fit to the levels."""
-_FULL_RIM = 0.9
+_BESIDE_PX = 6.0
 _BESIDE_EDGES = 2.0
 _BESIDE_LEVELS_PX = 0.02
 _BESIDE_APART_PX = 0.08
-"""Where one circle hides part of another: edges are off by so much more all together, each mode of a fit to levels by
-that much, and such a fit is contradicted by edges that far away."""
+"""Where coaxial rims come so close, or one hides part of the other: edges are off by so much more all together, each
+mode of a fit to levels by that much, and such a fit is contradicted by edges that far away."""
 _FLATTEST = 1e-9
 """Relative determinant of a cone's factor below which its circle is seen edge-on."""
 
@@ -69,7 +71,7 @@ def target_poses(
     if any(_is_flat(rim.cone.factor) for rim in rims):
         return None
     seen = [SeenPoints.of(camera, rim.points) for rim in rims]
-    beside = target.kind == "coaxial" and any(rim.rim_used < _FULL_RIM for rim in rims)
+    beside = target.kind == "coaxial" and _gap_px(rims[0], rims[1]) < _BESIDE_PX
     evidence = tuple(
         _evidence(rim, radius, points, beside=beside)
         for rim, radius, points in zip(rims, target.radii_mm, seen, strict=True)
@@ -114,7 +116,7 @@ def _ranked(found: list[JointPose], circles: int, placed: bool, cone: str) -> Ta
 def _evidence(rim: Rim, radius: float, seen: SeenPoints, *, beside: bool) -> RimEvidence:
     """Return what a rim tells: its levels, unless its edges contradict them, or else the edges.
 
-    `beside`: one circle hides part of another, so that the surroundings change along the rim.
+    `beside`: one circle hides part of another, or nearly does, so that the surroundings change along the rim.
     """
     semi_major, semi_minor = float(rim.ellipse.semi_major), float(rim.ellipse.semi_minor)
     common = min(_EDGES_PX2 / semi_minor**2, _MOST_COMMON_PX) * (_BESIDE_EDGES if beside else 1.0)
@@ -130,6 +132,11 @@ def _evidence(rim: Rim, radius: float, seen: SeenPoints, *, beside: bool) -> Rim
         is_contradicted = bool(apart @ edges.information @ apart > _CONTRADICTED * MODES)
         uneven = np.zeros((MODES, MODES))
     return edges if is_contradicted else from_levels(rim.cone.factor, radius, rim.modes_covariance + uneven)
+
+
+def _gap_px(first: Rim, second: Rim) -> float:
+    """Return the least distance, px, between two rims in the image."""
+    return float(np.min(np.abs(signed_distance(first.ellipse, second.ellipse.points(_PLACES)))))
 
 
 def _height_sigma(target: Target) -> float:
