@@ -70,7 +70,7 @@ def target_poses(
     """
     if any(_is_flat(rim.cone.factor) for rim in rims):
         return None
-    seen = [SeenPoints.of(camera, rim.points) for rim in rims]
+    seen = [_within_model(SeenPoints.of(camera, rim.points)) for rim in rims]
     beside = target.kind == "coaxial" and _gap_px(rims[0], rims[1]) < _BESIDE_PX
     evidence = tuple(
         _evidence(rim, radius, points, beside=beside)
@@ -132,6 +132,10 @@ def _evidence(rim: Rim, radius: float, seen: SeenPoints, *, beside: bool) -> Rim
         is_contradicted = bool(apart @ edges.information @ apart > _CONTRADICTED * MODES)
         uneven = np.zeros((MODES, MODES))
     return edges if is_contradicted else from_levels(rim.cone.factor, radius, rim.modes_covariance + uneven)
+
+
+def _within_model(seen: SeenPoints) -> SeenPoints:
+    return seen[np.all(np.isfinite(seen.rays), axis=-1)]
 
 
 def _gap_px(first: Rim, second: Rim) -> float:
