@@ -3,8 +3,8 @@
     python benchmarks/ambiguity.py [--trials 1000]
 
 Rendered coplanar rings (radii 50 and 30 mm) and coaxial bosses and recesses (radii 45 and 30 mm, generatrix
-45.21 mm), tilted 0 to 75 deg. `near`: 400 to 1500 mm away, noise 2 grey levels. `far`: 3 to 9 m away, so that the
-largest circle has a radius of 6 to 20 px, noise 4 to 16 grey levels: there is little to tell the candidates apart.
+45.21 mm), tilted 0 to 75 deg. `near`: 400 to 1500 mm away, noise 2 grey levels. `far`: 1.5 to 6 m away, so that the
+largest circle has a radius of 9 to 40 px, noise 4 to 12 grey levels: there is little to tell the candidates apart.
 Where the two candidates differ by less than a degree there is nothing to choose; those trials are counted apart,
 and so are recesses of which less than a fifth of the floor's rim is in sight: the big rim hides it from those who
 look in at a slant. *nees*: squared errors of centre and of normal relative to the covariance that is told, averaged,
