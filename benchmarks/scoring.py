@@ -99,7 +99,10 @@ def match(result: ImageResult, truth: list[TrueCircle]) -> list[CircleResult | N
 
 def error(circle: CircleResult, true: TrueCircle) -> Error:
     """Return the error of the candidate whose normal is the nearer to the truth."""
-    angles = [np.degrees(np.arccos(np.clip(c.normal @ true.normal, -1.0, 1.0))) for c in circle.candidates]
+    # A table's digits leave a normal not quite of unit length, which an arc cosine would take for an angle.
+    normal = true.normal / np.linalg.norm(true.normal)
+    chords = [min(float(np.linalg.norm(c.normal - normal)), 2.0) for c in circle.candidates]
+    angles = [np.degrees(2.0 * np.arcsin(chord / 2.0)) for chord in chords]
     best = int(np.argmin(angles))
     distance = float(np.linalg.norm(true.center))
     position = float(np.linalg.norm(circle.candidates[best].center - true.center))

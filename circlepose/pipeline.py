@@ -110,7 +110,7 @@ def estimate(
         all_rims = list(rims)
         if refine:
             all_rims = refined(grey, camera, with_second_rims(grey, camera, all_rims, target))
-        circles = find_ring_targets(all_rims, camera, target, methods, rejected)
+        circles = find_ring_targets(all_rims, camera, target, methods, rejected, placed=refine)
         if any(Flag.LONE_CIRCLE in circle.flags for circle in circles):
             incomplete = contradiction(all_rims, camera, target)
     return _image_result(name, size, target, circles, rejected, incomplete)

@@ -11,6 +11,7 @@ import numpy as np
 
 from circlepose._typing import FloatArray
 from circlepose.camera import Camera
+from circlepose.cone import ConeKind
 from circlepose.disambiguation.generatrix import generatrix_length, pair_candidates
 from circlepose.disambiguation.second_circle import ambiguity
 from circlepose.extraction.contour import WANTED_SIGN, Rejection
@@ -18,22 +19,32 @@ from circlepose.fitting.viewing_cone import SeenPoints
 from circlepose.measure import Rim
 from circlepose.pose import CircleResult, Flag
 from circlepose.ring_families import Family, as_circle, find_families
+from circlepose.ring_poses import TargetPoses, target_poses
 from circlepose.solutions import circle_results
 from circlepose.target import Target
 
 _STRAINED_SHARE = 0.02
 """Rims that are off their places by more than this share of their semi-major axis, or _STRAINED_PX, are told."""
 _STRAINED_PX = 1.0
+_UNTOLD = 0.45
+"""From this chance of being wrong on nothing has told the candidates apart."""
 
 
 def find_ring_targets(
-    rims: Sequence[Rim], camera: Camera, target: Target, methods: tuple[str, ...], rejected: Counter[Rejection]
+    rims: Sequence[Rim],
+    camera: Camera,
+    target: Target,
+    methods: tuple[str, ...],
+    rejected: Counter[Rejection],
+    *,
+    placed: bool = True,
 ) -> list[CircleResult]:
     """Return the results of all circles of up to `target.count` ring targets among `rims`, best agreement first.
 
-    The first rim's candidates are solved with the largest radius; each predicts where the other circles must
-    be seen, and the candidate with the smaller misfit is chosen. Without a complete target the most evident
-    rim is reported alone, as the largest circle that what is known of the target allows, flagged `lone_circle`.
+    The first rim's candidates are solved with the largest radius; each predicts where the other circles must be
+    seen, and is then fitted to all rims together (`ring_poses`), where it is one method's poses that are asked for.
+    Without a complete target the most evident rim is reported alone, as the largest circle that what is known of the
+    target allows, flagged `lone_circle`. `placed` tells whether edges were placed along the rims.
     """
     families = find_families(rims, camera, target)
     used = sum(len(family.members) for family in families)
@@ -41,7 +52,7 @@ def find_ring_targets(
     results = [
         result
         for instance, family in enumerate(families)
-        for result in _target_results(family, rims, camera, target, methods, instance)
+        for result in _target_results(family, rims, camera, target, methods, instance, placed)
     ]
     return results or _lone_circle(rims, camera, target, methods)
 
@@ -62,22 +73,26 @@ def _lone_circle(rims: Sequence[Rim], camera: Camera, target: Target, methods: t
 
 
 def _target_results(
-    family: Family, rims: Sequence[Rim], camera: Camera, target: Target, methods: tuple[str, ...], instance: int
+    family: Family,
+    rims: Sequence[Rim],
+    camera: Camera,
+    target: Target,
+    methods: tuple[str, ...],
+    instance: int,
+    placed: bool,
 ) -> list[CircleResult]:
-    """Results of one target's circles, each with its candidates in the order that the others' rims tell."""
+    """Results of one target's circles: by one pose of them all, each method's own ones in the order that it tells."""
     members = [rims[number] for number in family.members]
-    noise = math.hypot(*(rim.cone.rms_px for rim in members))
-    total = np.sqrt(np.sum(np.square(family.misfits_px), axis=0))
-    order = np.argsort(total, kind="stable")
-    chance = 0.0 if len(order) == 1 else ambiguity(float(total[order[0]]), float(total[order[1]]), noise)
-    wanted = family.solutions.normals[order[0]]
-    strained = (Flag.RING_MISFIT,) if _is_strained(family, rims) else ()
+    poses = target_poses(members, camera, target, family.solutions.cone, placed=placed)
+    chance, wanted = _by_misfits(family, members) if poses is None else (poses.ambiguity, poses.poses[0].normal)
+    is_strained = _is_strained(family, rims)
+    strained = (Flag.RING_MISFIT,) if is_strained else ()
     results = []
     for number, (rim, radius, name) in enumerate(zip(members, target.radii_mm, target.circle_names, strict=True)):
         known = family.solutions if number == 0 else None
         for result in circle_results(rim, camera, methods, radius, instance, name, chen_huang=known):
             ranked = sorted(result.candidates, key=lambda c: -float(c.normal @ wanted))
-            flags = tuple(f for f in result.flags if f is not Flag.AMBIGUOUS or chance >= 0.5)
+            flags = tuple(f for f in result.flags if f is not Flag.AMBIGUOUS or chance >= _UNTOLD)
             one = len(ranked) == 1
             results.append(
                 replace(
@@ -87,7 +102,43 @@ def _target_results(
                     flags=(*flags, *strained),
                 )
             )
-    return _with_generatrix(results) if target.kind == "coaxial" else results
+    if target.kind == "coaxial":
+        results = _with_generatrix(results)
+    # Where several methods are compared, or lengths contradict each other, each circle is told by its own rim.
+    if poses is None or is_strained or methods != ("chen-huang",):
+        return results
+    return [_in_one_pose(result, number, poses, camera) for number, result in enumerate(results)]
+
+
+def _by_misfits(family: Family, members: Sequence[Rim]) -> tuple[float, FloatArray]:
+    """Return the ambiguity and the chosen normal by how far edges are from where the first circle puts them."""
+    noise = math.hypot(*(rim.cone.rms_px for rim in members))
+    total = np.sqrt(np.sum(np.square(family.misfits_px), axis=0))
+    order = np.argsort(total, kind="stable")
+    chance = 0.0 if len(order) == 1 else ambiguity(float(total[order[0]]), float(total[order[1]]), noise)
+    return chance, family.solutions.normals[order[0]]
+
+
+def _in_one_pose(result: CircleResult, number: int, poses: TargetPoses, camera: Camera) -> CircleResult:
+    """Return the result of circle `number` with the target's poses in place of its own."""
+    candidates = []
+    for which, pose in enumerate(poses.poses):
+        center, normal = pose.circle(number)
+        own = max(result.candidates, key=lambda c: float(c.normal @ normal))
+        covariances = poses.covariances[which]
+        candidates.append(
+            replace(
+                own,
+                center=center,
+                normal=normal,
+                imaged_center=camera.project(center),
+                covariance=None if covariances is None else covariances[number],
+            )
+        )
+    one = len(candidates) == 1
+    flags = tuple(flag for flag in result.flags if flag is not Flag.AMBIGUOUS or not one)
+    cone = ConeKind.ELLIPTICAL if result.cone is ConeKind.RIGHT and not one else result.cone
+    return replace(result, candidates=tuple(candidates), ambiguity=poses.ambiguity, cone=cone, flags=flags)
 
 
 def _is_strained(family: Family, rims: Sequence[Rim]) -> bool:
