@@ -11,13 +11,9 @@ from hashlib import blake2b
 from pathlib import Path
 from typing import TypeAlias
 
-import cv2
-import numpy as np
-import scipy
-
-from circlepose import __version__
 from circlepose.batch.journal import Journal
 from circlepose.batch.local import MeasureOptions, WorkItem
+from circlepose.batch.versions import versions
 from circlepose.camera import Camera
 from circlepose.errors import UsageError
 from circlepose.files.stored_result import plain_result, restored_result
@@ -52,13 +48,7 @@ class _Entry:
 
 def conditions(options: MeasureOptions) -> Mapping[str, str]:
     """Return, by name, what all results of a run depend on."""
-    return {
-        "circlepose": __version__,
-        "numpy": np.__version__,
-        "scipy": scipy.__version__,
-        "opencv": cv2.__version__,
-        **{name: str(value) for name, value in asdict(options).items()},
-    }
+    return {**versions(), **{name: str(value) for name, value in asdict(options).items()}}
 
 
 def measure_with_journal(
