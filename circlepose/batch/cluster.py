@@ -18,7 +18,7 @@ from multiprocessing.connection import wait
 from pathlib import Path
 from typing import Any
 
-from circlepose.batch.cluster_connection import Began, Broken, Connection, Done, Event, WorkersDied
+from circlepose.batch.cluster_connection import Began, Broken, Connection, Done, Ended, Event, WorkersDied
 from circlepose.batch.cluster_worker import measure_chunk, pack
 from circlepose.batch.feed import Feed
 from circlepose.batch.local import (
@@ -56,7 +56,8 @@ def measure_on_cluster(
     """Measure `items` by the workers of the cluster whose scheduler is at `address`, such as `tcp://host:8786`.
 
     As `measure_files`, but that the workers read the images: paths have to lead to the same files there. `tell` is
-    told, in a sentence each, of workers that are missing or refused, and of a scheduler that has gone.
+    told, in a sentence each, of workers that are missing or refused, and of a scheduler that has gone. It
+    connects at once.
 
     Raises
     ------
@@ -66,8 +67,18 @@ def measure_on_cluster(
     CircleposeError
         On misuse, as `measure_files`.
     """
-    with closing(Connection(address, tell)) as connection:
-        run = _Run(connection, options, timeout_s or DEFAULT_TIMEOUT_S, on_bug)
+    return _measured(items, Connection(address, tell), options, timeout_s or DEFAULT_TIMEOUT_S, on_bug)
+
+
+def _measured(
+    items: Iterable[WorkItem | ImageResult],
+    connection: Connection,
+    options: MeasureOptions,
+    timeout_s: float,
+    on_bug: BugReport | None,
+) -> Generator[ImageResult, None, None]:
+    with closing(connection):
+        run = _Run(connection, options, timeout_s, on_bug)
         window = CHUNK_MOST * run.most_chunks
         feed = Feed(items, window)
         places: deque[_Place | ImageResult] = deque()
@@ -184,6 +195,9 @@ class _Run:
             self.chunks[number].begun += 1
             if self.chunks[number].begun > 1:
                 self._blame(number, tried_again=True)
+        elif isinstance(event, Ended):
+            # What happens to its worker from now on is not its fault.
+            self.chunks[number].begun = 0
         elif isinstance(event, WorkersDied):
             self._blame(number, tried_again=False)
         elif isinstance(event, Done):
@@ -202,6 +216,7 @@ class _Run:
         chunk = self.chunks[number]
         for place in chunk.places:
             place.deaths += 1
+        chunk.begun = 1
         if tried_again and len(chunk.places) == 1 and chunk.places[0].deaths <= DEATHS_ALLOWED:
             return
         del self.chunks[number]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import multiprocessing
+import re
 import time
 import uuid
 from collections import deque
@@ -18,6 +19,7 @@ from circlepose.batch.versions import difference, versions
 from circlepose.errors import UsageError
 from circlepose.files.names import redacted
 
+_ADDRESS = re.compile(r"(?:tcp|tls|ws|wss)://[^\s/@]+:[0-9]+/?")
 INSTALL = "pip install 'circlepose[cluster]'"
 _CONNECT_S = 10.0
 _PATIENCE_S = 600.0
@@ -30,6 +32,13 @@ _LOUD = ("distributed", "tornado", "asyncio")
 @dataclass(frozen=True, slots=True)
 class Began:
     """A worker began to work."""
+
+    number: int
+
+
+@dataclass(frozen=True, slots=True)
+class Ended:
+    """A worker has done its work; its answer may still be lost with it."""
 
     number: int
 
@@ -64,7 +73,7 @@ class Broken:
     reason: str
 
 
-Event = Began | Done | WorkersDied | Dropped | Broken
+Event = Began | Ended | Done | WorkersDied | Dropped | Broken
 
 
 class Connection:
@@ -76,6 +85,10 @@ class Connection:
             import distributed  # noqa: F401, PLC0415 - only where a cluster is asked for
         except ImportError as error:
             raise UsageError(f"--cluster: needs dask ({error}); {INSTALL}.") from None
+        if not _ADDRESS.fullmatch(address):
+            raise UsageError(
+                f"--cluster {redacted(address)}: expected the address of a scheduler, as tcp://host:8786."
+            )
         self._address = address
         self._tell = tell
         self.topic = f"circlepose-{uuid.uuid4().hex}"
@@ -90,10 +103,10 @@ class Connection:
         self._refused: dict[str, str] = {}
         self._accepted: set[str] = set()
         self._is_alone = False
-        self._levels = {name: logging.getLogger(name).level for name in _LOUD}
-        for name in _LOUD:
+        self._levels = {logger: logger.level for logger in _loud_loggers()}
+        for logger in self._levels:
             # What becomes of a worker is told in a row, or by `tell`.
-            logging.getLogger(name).setLevel(logging.CRITICAL + 1)
+            logger.setLevel(logging.CRITICAL + 1)
         try:
             self._client = self._connected()
             self.look()
@@ -202,8 +215,8 @@ class Connection:
         for number in list(self._futures):
             self.forget(number)
         self._drop_client()
-        for name, level in self._levels.items():
-            logging.getLogger(name).setLevel(level)
+        for logger, level in self._levels.items():
+            logger.setLevel(level)
         self.bell.close()
 
     def _connected(self) -> Any:
@@ -217,9 +230,9 @@ class Connection:
             why = str(error).partition("\n")[0] or type(error).__name__
             raise UsageError(
                 f"--cluster {redacted(self._address)}: no scheduler of dask answers there ({redacted(why)[:200]}); "
-                "expected an address as tcp://host:8786."
+                "start one with: dask scheduler."
             ) from None
-        client.subscribe_topic(self.topic, self._began)
+        client.subscribe_topic(self.topic, self._told)
         return client
 
     def _drop_client(self) -> None:
@@ -249,8 +262,10 @@ class Connection:
             else:
                 self._accepted.add(worker)
 
-    def _began(self, event: tuple[float, Mapping[str, int]]) -> None:
-        self._happened(Began(event[1]["chunk"]))
+    def _told(self, event: tuple[float, Mapping[str, Any]]) -> None:
+        """Note what a worker said of itself."""
+        number = event[1]["number"]
+        self._happened(Began(number) if event[1]["begins"] else Ended(number))
 
     def _finished(self, number: int, future: Any) -> None:
         """Note, in a thread of dask's, what came of work."""
@@ -276,3 +291,9 @@ class Connection:
         self._events.append(event)
         with suppress(OSError):
             self._ringer.send_bytes(b"!")
+
+
+def _loud_loggers() -> list[logging.Logger]:
+    # Those of dask have levels and handlers of their own.
+    names = [name for name in logging.root.manager.loggerDict if name.partition(".")[0] in _LOUD]
+    return [logging.getLogger(name) for name in {*names, *_LOUD}]

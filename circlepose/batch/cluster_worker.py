@@ -37,8 +37,8 @@ def pack(items: Sequence[WorkItem], options: MeasureOptions, timeout_s: float) -
 def measure_chunk(expected: Mapping[str, str], packed: bytes, topic: str, number: int) -> bytes:
     """Measure images on a worker of a cluster; return JSON: the worker's address and an outcome for each.
 
-    `expected` are the versions that a result has to come from; others give `refused`, how they differ. When the work
-    begins, its `number` is an event of `topic`: a second one tells that the worker of the first is no more.
+    `expected` are the versions that a result has to come from; others give `refused`, how they differ. That the
+    work begins, and that it ends, are events of `topic`: a second that begins tells that the first worker is no more.
     """
     from distributed import get_worker  # noqa: PLC0415 - only there
 
@@ -46,10 +46,12 @@ def measure_chunk(expected: Mapping[str, str], packed: bytes, topic: str, number
     differing = difference(versions(), expected)
     if differing:
         return json.dumps({"worker": worker.address, "refused": differing}).encode()
-    worker.log_event(topic, {"chunk": number})
+    worker.log_event(topic, {"number": number, "begins": True})
     items, options, timeout_s = pickle.loads(packed)
     outcomes = _processes.measured([(item, options) for item in items], timeout_s)
-    return json.dumps({"worker": worker.address, "outcomes": [_plain(each) for each in outcomes]}).encode()
+    answer = {"worker": worker.address, "outcomes": [_plain(each) for each in outcomes]}
+    worker.log_event(topic, {"number": number, "begins": False})
+    return json.dumps(answer).encode()
 
 
 def _plain(outcome: Outcome) -> dict[str, Any]:
