@@ -15,13 +15,13 @@ from contextlib import closing
 from pathlib import Path
 
 import pytest
-from services import Cluster, free_port, kill, s3_server
 
 from circlepose.batch.local import MeasureOptions, WorkItem
 from circlepose.pose import Status
 from circlepose.target import Target
 from circlepose_cli.app import main
 from discs import CAMERA, RADIUS_MM, disc_folder, write_disc
+from services import Cluster, free_port, kill, s3_server
 
 if sys.platform == "win32":
     pytest.skip("signals end the processes here", allow_module_level=True)

@@ -16,7 +16,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from services import s3_server
 
 from circlepose.batch.local import MeasureOptions, WorkItem, measure_file
 from circlepose.errors import ImageError, UsageError
@@ -29,6 +28,7 @@ from circlepose.files.tables import write_csv
 from circlepose.target import Target
 from circlepose_cli.app import main
 from discs import disc_folder
+from services import s3_server
 
 fsspec = pytest.importorskip("fsspec")
 
