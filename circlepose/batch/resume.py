@@ -13,9 +13,11 @@ from typing import TypeAlias
 
 from circlepose.batch.journal import Journal
 from circlepose.batch.local import MeasureOptions, WorkItem
+from circlepose.batch.states import with_states
 from circlepose.batch.versions import versions
 from circlepose.camera import Camera
 from circlepose.errors import UsageError
+from circlepose.files.remote import RemoteFile
 from circlepose.files.stored_result import plain_result, restored_result
 from circlepose.pose import ImageResult, Status
 from circlepose.target import Target
@@ -62,7 +64,7 @@ def measure_with_journal(
     begun: deque[_Entry | None] = deque()
 
     def still_to_measure() -> Iterator[WorkItem | ImageResult]:
-        for item in items:
+        for item in with_states(items):
             # Before the image is read: a file that changes meanwhile is measured again next time.
             entry = _entry(item)
             known = None if entry is None else _finished(entry, item, journal)
@@ -78,6 +80,9 @@ def measure_with_journal(
 
 
 def _entry(item: WorkItem) -> _Entry | None:
+    if isinstance(item.path, RemoteFile) and item.path.listed is None:
+        # It was asked for in vain.
+        return None
     try:
         stat = item.path.stat()
     except (OSError, ValueError):
