@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from circlepose.batch import cluster
-from circlepose.batch.cluster_connection import Began, Broken, Done, Dropped, Ended, Event, WorkersDied
+from circlepose.batch.cluster_events import Began, Broken, Done, Dropped, Ended, Event, WorkersDied
 from circlepose.batch.local import MeasureOptions, WorkItem
 from circlepose.errors import CircleposeError, UsageError
 from circlepose.files.stored_result import plain_result

@@ -18,7 +18,8 @@ from multiprocessing.connection import wait
 from pathlib import Path
 from typing import Any
 
-from circlepose.batch.cluster_connection import Began, Broken, Connection, Done, Ended, Event, WorkersDied
+from circlepose.batch.cluster_connection import Connection
+from circlepose.batch.cluster_events import Began, Broken, Done, Ended, Event, WorkersDied
 from circlepose.batch.cluster_worker import measure_chunk, pack
 from circlepose.batch.feed import Feed
 from circlepose.batch.local import (

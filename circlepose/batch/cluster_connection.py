@@ -7,13 +7,14 @@ import multiprocessing
 import re
 import time
 import uuid
+import warnings
 from collections import deque
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
+from circlepose.batch.cluster_events import Began, Broken, Done, Dropped, Ended, Event, WorkersDied
 from circlepose.batch.feed import signals_blocked
 from circlepose.batch.versions import difference, versions
 from circlepose.errors import UsageError
@@ -27,53 +28,6 @@ _PATIENCE_S = 600.0
 _RETRY_S = 1.0
 _RESULT_S = 60.0
 _LOUD = ("distributed", "tornado", "asyncio")
-
-
-@dataclass(frozen=True, slots=True)
-class Began:
-    """A worker began to work."""
-
-    number: int
-
-
-@dataclass(frozen=True, slots=True)
-class Ended:
-    """A worker has done its work; its answer may still be lost with it."""
-
-    number: int
-
-
-@dataclass(frozen=True, slots=True)
-class Done:
-    """A worker has answered."""
-
-    number: int
-    answer: bytes
-
-
-@dataclass(frozen=True, slots=True)
-class WorkersDied:
-    """The scheduler does not try again: too many workers died."""
-
-    number: int
-
-
-@dataclass(frozen=True, slots=True)
-class Dropped:
-    """What was handed out is no longer known there: the scheduler was restarted, or was told to forget it."""
-
-    number: int
-
-
-@dataclass(frozen=True, slots=True)
-class Broken:
-    """A worker could not even begin."""
-
-    number: int
-    reason: str
-
-
-Event = Began | Ended | Done | WorkersDied | Dropped | Broken
 
 
 class Connection:
@@ -96,6 +50,7 @@ class Connection:
         """of the workers that may be used, by address"""
         self.bell, self._ringer = multiprocessing.Pipe(duplex=False)
         """readable, for `multiprocessing.connection.wait`, when there are events"""
+        self._has_rung = False
         self._events: deque[Event] = deque()
         self._futures: dict[int, Any] = {}
         self._only: dict[int, Collection[str]] = {}
@@ -145,6 +100,7 @@ class Connection:
         """Yield what has happened to what is still wanted."""
         while self.bell.poll():
             self.bell.recv_bytes()
+        self._has_rung = False
         while self._events:
             event = self._events.popleft()
             if event.number in self._futures:
@@ -224,7 +180,9 @@ class Connection:
 
         try:
             # Threads that took a signal would leave the main one waiting.
-            with signals_blocked():
+            with signals_blocked(), warnings.catch_warnings():
+                # Of other versions of dask at the scheduler: what does not work is told when it fails.
+                warnings.simplefilter("ignore")
                 client = Client(self._address, timeout=_CONNECT_S, set_as_default=False, name="circlepose")
         except (OSError, ValueError, TypeError, ImportError) as error:
             why = str(error).partition("\n")[0] or type(error).__name__
@@ -289,8 +247,11 @@ class Connection:
 
     def _happened(self, event: Event) -> None:
         self._events.append(event)
-        with suppress(OSError):
-            self._ringer.send_bytes(b"!")
+        # Once for many: a pipe that is full would hold up the threads of dask.
+        if not self._has_rung:
+            self._has_rung = True
+            with suppress(OSError):
+                self._ringer.send_bytes(b"!")
 
 
 def _loud_loggers() -> list[logging.Logger]:
