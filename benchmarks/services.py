@@ -40,8 +40,8 @@ class Cluster:
         for worker in self.workers:
             kill(worker)
 
-    def start_scheduler(self) -> None:
-        self._scheduler = self._started("scheduler", f"--host={HOST}", f"--port={self.port}")
+    def start_scheduler(self, **environment: str) -> None:
+        self._scheduler = self._started("scheduler", f"--host={HOST}", f"--port={self.port}", **environment)
         wait_for(self.port)
 
     def kill_scheduler(self) -> None:

@@ -206,6 +206,17 @@ def test_a_worker_with_other_versions_is_refused(
         assert last.endswith("; install there what is installed here.")
 
 
+def test_a_scheduler_without_circlepose_is_refused(folder: Path, tmp_path: Path) -> None:
+    with Cluster(tmp_path, 0) as cluster:
+        cluster.kill_scheduler()
+        cluster.start_scheduler(**TRAPS, TRAP_CIRCLEPOSE="")
+        cluster.start_worker()
+        done = run(folder, "--cluster", cluster.address)
+    assert (done.returncode, done.stdout) == (2, "")
+    last = done.stderr.splitlines()[-1]
+    assert last.startswith("circlepose: --cluster: the scheduler has circlepose not at all (here ")
+
+
 def test_beside_a_right_worker_a_wrong_one_is_left_out(folder: Path, local_table: bytes, tmp_path: Path) -> None:
     out = tmp_path / "out.csv"
     with Cluster(tmp_path, 1) as cluster:

@@ -9,7 +9,7 @@ import time
 import uuid
 import warnings
 from collections import deque
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Set
 from contextlib import suppress
 from functools import partial
 from typing import Any
@@ -27,6 +27,8 @@ _PATIENCE_S = 600.0
 """for a scheduler that has gone"""
 _RETRY_S = 1.0
 _RESULT_S = 60.0
+_BY_NAME = ("circlepose", "numpy", "scipy")
+"""what dask knows the version of by the name of the package; a worker looks at OpenCV itself"""
 _LOUD = ("distributed", "tornado", "asyncio")
 
 
@@ -45,6 +47,7 @@ class Connection:
             )
         self._address = address
         self._tell = tell
+        self._versions = versions()
         self.topic = f"circlepose-{uuid.uuid4().hex}"
         self.threads: Mapping[str, int] = {}
         """of the workers that may be used, by address"""
@@ -202,18 +205,15 @@ class Connection:
             with suppress(Exception):
                 client.close(timeout=2)
 
-    def _check_versions(self, new: Collection[str]) -> None:
+    def _check_versions(self, new: Set[str]) -> None:
+        """Accept or refuse new workers; raises `UsageError` where the scheduler, which unpacks work, is another."""
         # Without code of ours: what is there may not know it.
-        ours = versions()
-        names = [name for name in ours if name not in ("opencv", "python")]
-        reports = self._client.get_versions(packages=names)["workers"]
-        for worker in new:
-            if worker not in reports:
-                continue
-            packages = reports[worker]["packages"]
-            theirs = {name: packages.get(name) for name in names}
-            theirs["python"] = ".".join(reports[worker]["host"]["python"].split(".")[:2])
-            how = difference(theirs, ours)
+        reports = self._client.get_versions(packages=list(_BY_NAME))
+        how = difference(_told_versions(reports["scheduler"], ("circlepose", "python")), self._versions)
+        if how:
+            raise UsageError(f"--cluster: the scheduler has {how}; install there what is installed here.")
+        for worker in new & reports["workers"].keys():
+            how = difference(_told_versions(reports["workers"][worker], (*_BY_NAME, "python")), self._versions)
             if how:
                 self._tell(f"{worker}: is not used: this worker has {how}")
                 self._refused[worker] = how
@@ -258,3 +258,9 @@ def _loud_loggers() -> list[logging.Logger]:
     # Those of dask have levels and handlers of their own.
     names = [name for name in logging.root.manager.loggerDict if name.partition(".")[0] in _LOUD]
     return [logging.getLogger(name) for name in {*names, *_LOUD}]
+
+
+def _told_versions(report: Mapping[str, Any], names: Collection[str]) -> dict[str, str | None]:
+    """Return the versions in a report of dask's."""
+    told = {**report["packages"], "python": ".".join(report["host"]["python"].split(".")[:2])}
+    return {name: told.get(name) for name in names}
