@@ -166,7 +166,7 @@ def test_an_image_that_its_process_dies_of_is_tried_once_more_elsewhere(monkeypa
     found, played = run(monkeypatch, play)
     assert found["b"] == (Status.WORKER_DIED, "its worker process died twice (killed by SIGKILL)")
     assert len(statuses(found)) == 1
-    assert played.history[-1] == (["b"], WORKER)
+    assert (["b"], WORKER) in played.history
     assert sum("b" in names for names, _ in played.history) == 2
 
 
