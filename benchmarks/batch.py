@@ -1,6 +1,8 @@
 """Many images by worker processes: how fast, in how much memory, and what is left of a run that is killed.
 
-python benchmarks/batch.py [--images 300] [--memory 1000 5000] [--kills 10] [--seed 1999]
+python benchmarks/batch.py [--images 1000] [--repeats 3] [--memory 1000 20000] [--kills 50] [--cluster 400]
+
+The last needs `pip install '.[test-cluster]'`; 0, or no number, leaves a part out.
 """
 
 from __future__ import annotations
@@ -79,22 +81,28 @@ def cpu_of_children_s() -> float:
     return usage.ru_utime + usage.ru_stime
 
 
-def throughput(folder: Path, number: int) -> None:
-    print(f"{number} images of 1280 x 960 (PNG), times with start-up of all processes:\n")
-    print("| | s | images a second | of one job | CPU s, all processes |\n|---|---|---|---|---|")
-    times, cpu = {}, {}
-    for jobs in (1, JOBS):
-        start, before = time.perf_counter(), cpu_of_children_s()
-        subprocess.run([*COMMAND, str(folder), "-q", "--jobs", str(jobs), "-o", str(folder / "out.csv")], check=True)
-        times[f"`--jobs {jobs}`"] = time.perf_counter() - start
-        cpu[f"`--jobs {jobs}`"] = cpu_of_children_s() - before
-    before = cpu_of_children_s()
-    decoding = f"{JOBS} processes that only decode"
-    times[decoding] = seconds_to_decode(folder)
-    cpu[decoding] = cpu_of_children_s() - before
-    alone = times["`--jobs 1`"]
-    for name, seconds in times.items():
-        print(f"| {name} | {seconds:.1f} | {number / seconds:.1f} | {alone / seconds:.2f} | {cpu[name]:.1f} |")
+def throughput(folder: Path, number: int, repeats: int) -> None:
+    print(f"{number} images of 1280 x 960 (PNG), times with start-up of all processes, the runs in turn:\n")
+    columns = ["turn", "1 job, images a second", "2 jobs", "2 processes that only decode", "2 jobs / 1 job"]
+    columns += ["2 jobs / decoding", "2 jobs, CPU ms an image", "decoding, CPU ms an image"]
+    print(f"| {' | '.join(columns)} |\n{'|---' * len(columns)}|")
+    for turn in range(1, repeats + 1):
+        rates, cpu = {}, {}
+        for name in ("1 job", "2 jobs", "decoding"):
+            start, before = time.perf_counter(), cpu_of_children_s()
+            if name == "decoding":
+                seconds_to_decode(folder)
+            else:
+                command = [*COMMAND, str(folder), "-q", "--jobs", name[0], "-o", str(folder / "out.csv")]
+                subprocess.run(command, check=True)
+            rates[name] = number / (time.perf_counter() - start)
+            cpu[name] = 1e3 * (cpu_of_children_s() - before) / number
+        one, two, decoding = rates.values()
+        print(
+            f"| {turn} | {one:.1f} | {two:.1f} | {decoding:.1f} | {two / one:.2f} | {two / decoding:.2f} | "
+            f"{cpu['2 jobs']:.1f} | {cpu['decoding']:.1f} |",
+            flush=True,
+        )
 
 
 def children_of(pid: int) -> list[int]:
@@ -178,16 +186,23 @@ def kills(folder: Path, number: int, seed: int) -> None:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--images", type=int, default=300, help="for the throughput; 0 leaves it out")
-    parser.add_argument("--memory", type=int, nargs="*", default=[1000, 5000], help="numbers of images")
-    parser.add_argument("--kills", type=int, default=10, help="runs to kill; 0 leaves it out")
+    parser.add_argument("--images", type=int, default=1000, help="for the throughput; 0 leaves it out")
+    parser.add_argument("--repeats", type=int, default=3, help="of the throughput")
+    parser.add_argument("--memory", type=int, nargs="*", default=[1000, 20000], help="numbers of images")
+    parser.add_argument("--kills", type=int, default=50, help="runs to kill; 0 leaves it out")
+    parser.add_argument("--cluster", type=int, default=400, help="images for a cluster; 0 leaves it out")
     parser.add_argument("--seed", type=int, default=1999)
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as temporary:
         place = Path(temporary)
         if arguments.images:
-            throughput(write_images(place / "throughput", arguments.images, (1280, 960)), arguments.images)
+            images = write_images(place / "throughput", arguments.images, (1280, 960))
+            throughput(images, arguments.images, arguments.repeats)
         if arguments.memory:
             memory(place / "memory", arguments.memory)
         if arguments.kills:
             kills(write_images(place / "kills", 40, (320, 240)), arguments.kills, arguments.seed)
+        if arguments.cluster:
+            from batch_cluster import cluster_runs
+
+            cluster_runs(write_images(place / "cluster", arguments.cluster, (640, 480)), COMMAND, arguments.cluster)

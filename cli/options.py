@@ -274,12 +274,27 @@ Output = Annotated[
     Path | None,
     typer.Option("--output", "-o", metavar="FILE", help="Write there, whole or not at all, not to standard output."),
 ]
+OutputPlace = Annotated[
+    str | None,
+    typer.Option(
+        "--output",
+        "-o",
+        metavar="FILE",
+        help="Write there (a URL, too), whole or not at all, not to standard output.",
+    ),
+]
 Overlay = Annotated[
     Path | None, typer.Option("--overlay", metavar="DIR", help="Draw each result over its image, as PNG in DIR.")
 ]
 Jobs = Annotated[
     int | None,
     typer.Option("--jobs", metavar="N", min=1, help="Worker processes. Default: one a core, for many images."),
+]
+Cluster = Annotated[
+    str | None,
+    typer.Option(
+        "--cluster", metavar="ADDRESS", help="Measure on the cluster of this dask scheduler: tcp://host:8786."
+    ),
 ]
 Timeout = Annotated[
     float | None,

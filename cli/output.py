@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from pathlib import Path
+from pathlib import PurePath
 from typing import TextIO
 
 from circlepose.files.layouts import DataFormat, write_results
 from circlepose.files.reference import Reference
+from circlepose.files.remote import Place
 from circlepose.pose import ImageResult
 from circlepose_cli.options import FormatChoice, LayoutChoice
 
@@ -19,12 +20,12 @@ _DATA_FORMATS: dict[FormatChoice, DataFormat] = {
 }
 
 
-def choose_format(asked: FormatChoice | None, output: Path | None, *, to_terminal: bool) -> FormatChoice:
+def choose_format(asked: FormatChoice | None, output: Place | None, *, to_terminal: bool) -> FormatChoice:
     """Return the form asked for, or else a table for a terminal, what a file's ending says, csv for a pipe."""
     if asked is not None:
         return asked
     if output is not None:
-        return _BY_SUFFIX.get(output.suffix.lower(), FormatChoice.CSV)
+        return _BY_SUFFIX.get(PurePath(output.name).suffix.lower(), FormatChoice.CSV)
     return FormatChoice.TABLE if to_terminal else FormatChoice.CSV
 
 

@@ -15,7 +15,7 @@ from circlepose.batch.resume import measure_with_journal
 from circlepose.errors import UsageError
 from circlepose.files.inputs import InputImage, are_streamed, expand_inputs
 from circlepose.files.reference import Reference, read_reference
-from circlepose.files.remote import Place
+from circlepose.files.remote import Place, place_of
 from circlepose.pose import ImageResult
 from circlepose_cli.destination import open_journal, open_output
 from circlepose_cli.interruption import EXIT_CODE as INTERRUPTED
@@ -49,9 +49,10 @@ class Request:
     output_format: FormatChoice | None
     layout: LayoutChoice
     reference: Path | None
-    output: Path | None
+    output: str | None
     overlay: Path | None
     jobs: int | None
+    cluster: str | None
     timeout_s: float | None
     resume: bool
     quiet: bool
@@ -60,6 +61,9 @@ class Request:
 
 def run(request: Request) -> int:
     """Measure all images that are asked for and return the exit code."""
+    if request.cluster is not None and request.jobs is not None:
+        raise UsageError("--jobs, --cluster: give one of them; how many measure is the cluster's affair.")
+    output = None if request.output is None else place_of(request.output)
     reporter = Reporter(quiet=request.quiet, verbose=request.verbose)
     setups = Setups(
         calib=request.calib,
@@ -78,14 +82,14 @@ def run(request: Request) -> int:
     options = MeasureOptions(
         request.method.value, request.refine, request.scale_calibration, request.extraction.value
     )
-    to_terminal = request.output is None and sys.stdout.isatty()
-    output_format = choose_format(request.output_format, request.output, to_terminal=to_terminal)
+    to_terminal = output is None and sys.stdout.isatty()
+    output_format = choose_format(request.output_format, output, to_terminal=to_terminal)
     # Rows that go to the terminal one by one would tear a bar.
     shows_bar = not (to_terminal and output_format is not FormatChoice.TABLE)
-    with open_journal(request.output, options, resume=request.resume) or nullcontext() as journal:
+    with open_journal(output, options, resume=request.resume) or nullcontext() as journal:
         if journal is not None and journal.discarded:
             reporter.note(f"{journal.path}: was left by an unfinished run; it is begun anew, without --resume")
-        with open_output(request.output, journal) as handle, Interruption() as interruption:
+        with open_output(output, journal) as handle, Interruption() as interruption:
             bar = reporter.running(total, shows_bar=shows_bar)
             measured = _measured(items, options, request, reporter, journal, total)
             with closing(follow(measured, reporter, bar, interruption)) as results:
@@ -111,7 +115,12 @@ def _measured(
 ) -> Generator[ImageResult, None, None]:
     # A stream may be slow or endless: without workers a silent producer would hold back what is done.
     jobs = available_cores() if total is None and request.jobs is None else request.jobs
-    measure = partial(measure_files, options=options, jobs=jobs, timeout_s=request.timeout_s, on_bug=reporter.bug)
+    measure = partial(measure_files, jobs=jobs)
+    if request.cluster is not None:
+        from circlepose.batch.cluster import measure_on_cluster  # noqa: PLC0415 - few ask for it
+
+        measure = partial(measure_on_cluster, address=request.cluster, tell=reporter.note)
+    measure = partial(measure, options=options, timeout_s=request.timeout_s, on_bug=reporter.bug)
     return measure(items) if journal is None else measure_with_journal(items, journal, measure)
 
 

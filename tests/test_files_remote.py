@@ -8,7 +8,6 @@ import http.server
 import io
 import itertools
 import socket
-import subprocess
 import sys
 import threading
 import time
@@ -29,6 +28,7 @@ from circlepose.files.tables import write_csv
 from circlepose.target import Target
 from circlepose_cli.app import main
 from discs import disc_folder
+from services import s3_server
 
 fsspec = pytest.importorskip("fsspec")
 
@@ -293,44 +293,16 @@ def s3(discs: Path) -> Iterator[str]:
     pytest.importorskip("moto")
     pytest.importorskip("flask")
     pytest.importorskip("s3fs")
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    settings = {
-        "AWS_ACCESS_KEY_ID": "key",
-        "AWS_SECRET_ACCESS_KEY": "very-secret",
-        "AWS_ENDPOINT_URL": f"http://127.0.0.1:{port}",
-        "AWS_DEFAULT_REGION": "us-east-1",
-    }
-    process = subprocess.Popen(
-        [sys.executable, "-m", "moto.server", "-H", "127.0.0.1", "-p", str(port)],
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )
-    with pytest.MonkeyPatch.context() as patch:
+    with s3_server() as settings, pytest.MonkeyPatch.context() as patch:
         for name, value in settings.items():
             patch.setenv(name, value)
-        try:
-            wait_for(port)
-            files = fsspec.filesystem("s3")
-            files.mkdir("bucket")
-            for path in discs.glob("*.png"):
-                files.pipe(f"bucket/imgs/{path.name}", path.read_bytes())
-                files.pipe(f"bucket/imgs/sub/{path.name}", path.read_bytes())
-            files.pipe("bucket/imgs/empty.png", b"")
-            yield "s3://bucket"
-        finally:
-            process.kill()
-            process.wait()
-
-
-def wait_for(port: int) -> None:
-    for _ in range(300):
-        with socket.socket() as probe:
-            if probe.connect_ex(("127.0.0.1", port)) == 0:
-                return
-        time.sleep(0.1)
-    pytest.skip("moto's server does not start")
+        files = fsspec.filesystem("s3", skip_instance_cache=True)
+        files.mkdir("bucket")
+        for path in discs.glob("*.png"):
+            files.pipe(f"bucket/imgs/{path.name}", path.read_bytes())
+            files.pipe(f"bucket/imgs/sub/{path.name}", path.read_bytes())
+        files.pipe("bucket/imgs/empty.png", b"")
+        yield "s3://bucket"
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")

@@ -92,7 +92,7 @@ def test_an_abandoned_run_leaves_no_process_and_takes_no_more():
 
 
 def test_what_is_known_starts_no_worker(monkeypatch):
-    monkeypatch.setattr(pool._Pool, "_start_worker", None)
+    monkeypatch.setattr(pool.Pool, "_start_worker", None)
     assert list(outcomes(Known(number) for number in range(100))) == list(range(100))
 
 

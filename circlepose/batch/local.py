@@ -184,7 +184,7 @@ def _measure_here(
         except MemoryError:
             result = ImageResult(item.name, Status.WORKER_DIED, "memory ran out")
         except RuntimeError as error:
-            result = _result_of_bug(item, error, on_bug)
+            result = result_of_bug(item, error, on_bug)
         yield result
 
 
@@ -206,7 +206,7 @@ def _measure_in_workers(
     on_bug: BugReport | None,
 ) -> Iterator[ImageResult]:
     outcomes = run_in_workers(
-        partial(_measure_alone, options=options),
+        partial(measure_alone, options=options),
         (Known(item) if isinstance(item, ImageResult) else item for item in items),
         jobs=jobs,
         timeout_s=timeout_s,
@@ -217,24 +217,30 @@ def _measure_in_workers(
             if isinstance(outcome, Lost):
                 yield _result_of_loss(outcome, timeout_s)
             elif isinstance(outcome, Failed):
-                yield _result_of_bug(outcome.item, outcome.error, on_bug)
+                yield result_of_bug(outcome.item, outcome.error, on_bug)
             else:
                 yield outcome
 
 
-def _measure_alone(item: WorkItem, options: MeasureOptions) -> ImageResult:
-    """Measure in a worker by one thread: a core is all it has."""
+def measure_alone(item: WorkItem, options: MeasureOptions) -> ImageResult:
+    """Measure as `measure_file`, in a worker process, by one thread: a core is all it has."""
     cv2.setNumThreads(1)
     return measure_file(item, options)
 
 
 def _result_of_loss(lost: Lost[WorkItem], timeout_s: float) -> ImageResult:
     if lost.loss is Loss.TIMED_OUT:
-        return ImageResult(lost.item.name, Status.TIMED_OUT, f"was not measured within {timeout_s:g} s")
+        return result_of_timeout(lost.item, timeout_s)
     return ImageResult(lost.item.name, Status.WORKER_DIED, f"its worker process died twice ({lost.detail})")
 
 
-def _result_of_bug(item: WorkItem, error: Exception, on_bug: BugReport | None) -> ImageResult:
+def result_of_timeout(item: WorkItem, timeout_s: float) -> ImageResult:
+    """Return the result of an image that took too long."""
+    return ImageResult(item.name, Status.TIMED_OUT, f"was not measured within {timeout_s:g} s")
+
+
+def result_of_bug(item: WorkItem, error: Exception, on_bug: BugReport | None) -> ImageResult:
+    """Return the result of an image at which `error` was raised; raises it if it is misuse, or told to nobody."""
     if on_bug is None or isinstance(error, CircleposeError):
         raise error
     on_bug(item.name, error)

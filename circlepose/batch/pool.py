@@ -6,20 +6,17 @@
 from __future__ import annotations
 
 import multiprocessing
-import os
-import pickle
-import signal
-import threading
 import time
-import traceback
 from collections import deque
 from collections.abc import Callable, Generator, Iterable
+from contextlib import closing
 from dataclasses import dataclass, field
 from enum import Enum
 from multiprocessing import connection
 from typing import Any, Generic, TypeVar
 
 from circlepose.batch.feed import Feed, signals_blocked
+from circlepose.batch.pool_worker import how_it_ended, work
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -30,7 +27,6 @@ STILLBORN_ALLOWED = 3
 """workers in a row that may end before they are ready; more have a cause that does not go away"""
 _START_S = 120.0
 _PARTING_S = 2.0
-_NO_MEMORY = 112
 _CONTEXT = multiprocessing.get_context("spawn")
 
 
@@ -114,56 +110,73 @@ def run_in_workers(
     RuntimeError
         When workers end before they begin: a script without a `__main__` guard, or a machine out of memory.
     """
-    pool = _Pool(function, jobs, timeout_s)
-    feed = Feed(items, window)
-    places: deque[_Place[Item, Result]] = deque()
-    try:
-        while True:
-            while places and places[0].outcomes:
-                feed.finished_one()
-                yield places.popleft().outcomes[0]
-            for item in feed.take():
-                if isinstance(item, Known):
-                    places.append(_Place(item, outcomes=[item.result]))  # type: ignore[arg-type]
-                else:
-                    places.append(_Place(item))
-                    pool.waiting.append(places[-1])
-            # Asked after what has arrived was taken, and with it the sign that would end the wait below.
-            if feed.ended and not places:
-                feed.raise_error()
-                return
-            pool.hand_out()
-            if not (places and places[0].outcomes):
-                pool.wait(feed)
-    finally:
-        feed.close()
-        pool.close()
+    with closing(Pool(function, jobs, timeout_s)) as pool:
+        yield from pool.run(items, window)
 
 
-class _Pool(Generic[Item, Result]):
-    def __init__(self, function: Callable[[Item], Result], jobs: int, timeout_s: float) -> None:
-        self.waiting: deque[_Place[Item, Result]] = deque()
+class Pool(Generic[Item, Result]):
+    """Worker processes that are kept from one `run` to the next, until `close`; the settings may change between."""
+
+    def __init__(
+        self,
+        function: Callable[[Item], Result],
+        jobs: int,
+        timeout_s: float,
+        deaths_allowed: int = DEATHS_ALLOWED,
+    ) -> None:
+        """Take what `run_in_workers` does, and how often a worker may die of an item."""
+        self.timeout_s = timeout_s
+        self._waiting: deque[_Place[Item, Result]] = deque()
         self._function = function
         self._jobs = jobs
-        self._timeout_s = timeout_s
+        self._deaths_allowed = deaths_allowed
         self._workers: list[_Worker[Item, Result]] = []
         self._stillborn = 0
 
-    def hand_out(self) -> None:
+    def run(
+        self, items: Iterable[Item | Known[Result]], window: int
+    ) -> Generator[Result | Lost[Item] | Failed[Item], None, None]:
+        """Yield as `run_in_workers` does; the workers stay unless it is abandoned half-way."""
+        feed = Feed(items, window)
+        places: deque[_Place[Item, Result]] = deque()
+        try:
+            while True:
+                while places and places[0].outcomes:
+                    feed.finished_one()
+                    yield places.popleft().outcomes[0]
+                for item in feed.take():
+                    if isinstance(item, Known):
+                        places.append(_Place(item, outcomes=[item.result]))  # type: ignore[arg-type]
+                    else:
+                        places.append(_Place(item))
+                        self._waiting.append(places[-1])
+                # Asked after what has arrived was taken, and with it the sign that would end the wait below.
+                if feed.ended and not places:
+                    feed.raise_error()
+                    return
+                self._hand_out()
+                if not (places and places[0].outcomes):
+                    self._wait(feed)
+        finally:
+            feed.close()
+            if places:
+                self.close()
+
+    def _hand_out(self) -> None:
         """Give waiting items to workers, the idle ones first; start workers while there is more to do."""
-        while self.waiting:
+        while self._waiting:
             ready = [worker for worker in self._workers if worker.ready]
             starting = len(self._workers) - len(ready)
-            if len(self._workers) < self._jobs and len(self.waiting) > starting + sum(not w.tasks for w in ready):
+            if len(self._workers) < self._jobs and len(self._waiting) > starting + sum(not w.tasks for w in ready):
                 self._start_worker()
                 continue
             worker = min(ready, key=lambda each: len(each.tasks), default=None)
-            room = 2 if len(self.waiting) > starting else 1
+            room = 2 if len(self._waiting) > starting else 1
             if worker is None or len(worker.tasks) >= room:
                 return
             self._give(worker)
 
-    def wait(self, feed: Feed[Any]) -> None:
+    def _wait(self, feed: Feed[Any]) -> None:
         """Wait for a result, a new item, the end of a worker or the end of its time."""
         timeout = None
         if busy := [worker.deadline for worker in self._workers if worker.tasks or not worker.ready]:
@@ -188,19 +201,20 @@ class _Pool(Generic[Item, Result]):
                 worker.process.kill()
                 worker.process.join()
             self._workers.clear()
+            self._waiting.clear()
 
     def _start_worker(self) -> None:
         ours, theirs = _CONTEXT.Pipe()
-        process = _CONTEXT.Process(target=_work, args=(self._function, theirs), daemon=True)
+        process = _CONTEXT.Process(target=work, args=(self._function, theirs), daemon=True)
         with signals_blocked():
             process.start()
             theirs.close()
             self._workers.append(_Worker(process, ours, time.monotonic() + _START_S))
 
     def _give(self, worker: _Worker[Item, Result]) -> None:
-        place = self.waiting.popleft()
+        place = self._waiting.popleft()
         if not worker.tasks:
-            worker.deadline = time.monotonic() + self._timeout_s
+            worker.deadline = time.monotonic() + self.timeout_s
         worker.tasks.append(place)
         try:
             worker.pipe.send(place.item)
@@ -213,7 +227,7 @@ class _Pool(Generic[Item, Result]):
         except (EOFError, OSError):
             self._bury(worker)
             return
-        worker.deadline = time.monotonic() + self._timeout_s
+        worker.deadline = time.monotonic() + self.timeout_s
         if not worker.ready:
             worker.ready = True
             self._stillborn = 0
@@ -226,17 +240,17 @@ class _Pool(Generic[Item, Result]):
         self._workers.remove(worker)
         worker.pipe.close()
         worker.process.join(_PARTING_S)
-        how = _how_it_ended(worker.process.exitcode)
+        how = how_it_ended(worker.process.exitcode)
         worker.process.kill()
         if not worker.ready:
             self._count_stillborn(how)
         elif worker.tasks:
             place = worker.tasks[0]
             place.deaths += 1
-            if place.deaths > DEATHS_ALLOWED:
+            if place.deaths > self._deaths_allowed:
                 worker.tasks.popleft()
                 place.outcomes.append(Lost(place.item, Loss.DIED, how))
-        self.waiting.extendleft(reversed(worker.tasks))
+        self._waiting.extendleft(reversed(worker.tasks))
 
     def _end_late(self, worker: _Worker[Item, Result]) -> None:
         self._workers.remove(worker)
@@ -248,64 +262,9 @@ class _Pool(Generic[Item, Result]):
             return
         place = worker.tasks.popleft()
         place.outcomes.append(Lost(place.item, Loss.TIMED_OUT, ""))
-        self.waiting.extendleft(reversed(worker.tasks))
+        self._waiting.extendleft(reversed(worker.tasks))
 
     def _count_stillborn(self, how: str) -> None:
         self._stillborn += 1
         if self._stillborn >= STILLBORN_ALLOWED:
             raise RuntimeError(f"worker processes end before they are ready to work ({how})")
-
-
-def _how_it_ended(exitcode: int | None) -> str:
-    if exitcode is not None and exitcode < 0:
-        try:
-            name = signal.Signals(-exitcode).name
-        except ValueError:
-            name = f"signal {-exitcode}"
-        return f"killed by {name}"
-    return "memory ran out" if exitcode == _NO_MEMORY else f"exit code {exitcode}"
-
-
-def _work(function: Callable[[Any], Any], pipe: connection.Connection[Any, Any]) -> None:
-    """Work in another process: answer each item with (True, result) or (False, exception)."""
-    # Signals are the parent's to handle: Ctrl-C reaches all processes of a terminal.
-    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
-        if hasattr(signal, name):
-            signal.signal(getattr(signal, name), signal.SIG_IGN)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-    try:
-        pipe.send((True, None))
-        while True:
-            _answer(pipe, function, pipe.recv())
-    except (EOFError, OSError):
-        # The parent wants no more.
-        return
-
-
-def _answer(pipe: connection.Connection[Any, Any], function: Callable[[Any], Any], item: Any) -> None:
-    try:
-        answer = (True, function(item))
-    except MemoryError:
-        # What is left of this process is of no use; another one may have more.
-        os._exit(_NO_MEMORY)
-    except Exception as error:
-        answer = (False, _portable(error))
-    pipe.send(answer)
-
-
-def _portable(error: Exception) -> Exception:
-    """Return `error` with its traceback as a note, or its text where it cannot be sent to another process."""
-    note = f"in a worker process:\n{traceback.format_exc().rstrip()}"
-    try:
-        error = pickle.loads(pickle.dumps(error))
-    except Exception:
-        error = RuntimeError(f"{type(error).__name__}: {error}")
-    error.add_note(note)
-    return error
-
-
-def _end_with_parent() -> None:
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        connection.wait([parent.sentinel])
-        os._exit(1)

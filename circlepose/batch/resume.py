@@ -11,15 +11,13 @@ from hashlib import blake2b
 from pathlib import Path
 from typing import TypeAlias
 
-import cv2
-import numpy as np
-import scipy
-
-from circlepose import __version__
 from circlepose.batch.journal import Journal
 from circlepose.batch.local import MeasureOptions, WorkItem
+from circlepose.batch.states import with_states
+from circlepose.batch.versions import versions
 from circlepose.camera import Camera
 from circlepose.errors import UsageError
+from circlepose.files.remote import RemoteFile
 from circlepose.files.stored_result import plain_result, restored_result
 from circlepose.pose import ImageResult, Status
 from circlepose.target import Target
@@ -52,13 +50,7 @@ class _Entry:
 
 def conditions(options: MeasureOptions) -> Mapping[str, str]:
     """Return, by name, what all results of a run depend on."""
-    return {
-        "circlepose": __version__,
-        "numpy": np.__version__,
-        "scipy": scipy.__version__,
-        "opencv": cv2.__version__,
-        **{name: str(value) for name, value in asdict(options).items()},
-    }
+    return {**versions(), **{name: str(value) for name, value in asdict(options).items()}}
 
 
 def measure_with_journal(
@@ -72,7 +64,7 @@ def measure_with_journal(
     begun: deque[_Entry | None] = deque()
 
     def still_to_measure() -> Iterator[WorkItem | ImageResult]:
-        for item in items:
+        for item in with_states(items):
             # Before the image is read: a file that changes meanwhile is measured again next time.
             entry = _entry(item)
             known = None if entry is None else _finished(entry, item, journal)
@@ -88,6 +80,9 @@ def measure_with_journal(
 
 
 def _entry(item: WorkItem) -> _Entry | None:
+    if isinstance(item.path, RemoteFile) and item.path.listed is None:
+        # It was asked for in vain.
+        return None
     try:
         stat = item.path.stat()
     except (OSError, ValueError):

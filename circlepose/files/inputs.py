@@ -13,7 +13,7 @@ from circlepose.errors import UsageError
 from circlepose.files.globs import is_pattern, matches, refused_folder
 from circlepose.files.image_bytes import is_image_name
 from circlepose.files.names import redacted
-from circlepose.files.remote import Place, is_url, place_of, require
+from circlepose.files.remote import Place, RemoteFile, is_url, place_of, require
 from circlepose.files.remote_listing import images_at, is_listing
 
 STDIN = "-"
@@ -22,14 +22,24 @@ _LOOKED_INTO = 50
 """folders that are looked into for a hint"""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, init=False)
 class InputImage:
-    """One image to measure."""
+    """One image to measure; small, as there may be millions."""
 
-    path: Place
+    _place: str | RemoteFile
     name: str
     """what the table calls it: the path as typed, or relative to the folder where that is the only input; a URL is
     without its credentials"""
+
+    def __init__(self, path: Place | str, name: str) -> None:
+        # A Path takes several times the memory of its text.
+        object.__setattr__(self, "_place", path if isinstance(path, RemoteFile) else os.fspath(path))
+        object.__setattr__(self, "name", name)
+
+    @property
+    def path(self) -> Place:
+        """Where it is."""
+        return Path(self._place) if isinstance(self._place, str) else self._place
 
 
 def expand_inputs(
@@ -70,6 +80,10 @@ def natural_key(name: str) -> tuple[str, str]:
 
 def _each_once(parts: Iterable[Iterable[InputImage]]) -> Iterator[InputImage]:
     """Yield the images of all parts, those of lists once; streams are too long to remember."""
+    parts = list(parts)
+    if len(parts) == 1:
+        yield from parts[0]
+        return
     seen: set[str] = set()
     for part in parts:
         if not isinstance(part, list):
@@ -93,7 +107,7 @@ def _expanded(
         return _from_url(typed, recursive, is_lone)
     base = typed if is_lone and _is_folder(typed) else None
     return [
-        InputImage(Path(path), path if base is None else path[len(base) :].lstrip(os.sep).replace(os.sep, "/"))
+        InputImage(path, path if base is None else path[len(base) :].lstrip(os.sep).replace(os.sep, "/"))
         for path in _paths(typed, recursive)
     ]
 
@@ -112,7 +126,7 @@ def _from_stdin(lines: Iterable[str] | Iterable[bytes]) -> Iterator[InputImage]:
 def _from_url(typed: str, recursive: bool, is_lone: bool) -> Iterable[InputImage]:
     place = place_of(typed)
     if isinstance(place, Path):
-        return [InputImage(Path(path), path) for path in _paths(str(place), recursive)]
+        return [InputImage(path, path) for path in _paths(str(place), recursive)]
     require(typed)
     if not is_listing(typed):
         return [InputImage(place, str(place))]
