@@ -1,11 +1,12 @@
-"""Grey image -> connected edge chains, at one scale or several (Canny on thresholds that follow the image)."""
+"""Grey image -> connected edge chains at one scale (Canny on thresholds that follow the image)."""
 
 from __future__ import annotations
 
 import cv2
 import numpy as np
 
-from circlepose._typing import FloatArray, Image
+from circlepose._typing import Image
+from circlepose.extraction.chains import Chains
 
 _BLUR_PX = 0.8
 """Enough against pixel noise; more would join the edges of discs that nearly touch."""
@@ -14,16 +15,18 @@ _NOISE_FACTOR = 6.0
 _LEAST_GRADIENT = 40.0
 """Floor of the high threshold (L1 Sobel units, 8 per grey level and px): a ramp of 5 levels a px."""
 _HYSTERESIS = 0.4
+_SAMPLES = 1 << 15
+"""Pixels of which the median gradient is taken."""
 
 
-def edge_chains(grey8: Image, shortest: int) -> list[FloatArray]:
-    """Return the borders of all connected edges of `grey8` (h, w) uint8, each (n, 2) px in order, n >= `shortest`.
+def edge_chains(grey8: Image, shortest: int) -> Chains:
+    """Return the borders of all connected edges of `grey8` (h, w) uint8 with at least `shortest` points.
 
     A closed edge gives two borders, its outer one and that of the hole within; an edge that something outside
     has merged with still has its hole.
     """
-    borders, _ = cv2.findContours(edge_map(grey8), cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
-    return [border[:, 0, :].astype(np.float64) for border in borders if len(border) >= shortest]
+    borders, hierarchy = cv2.findContours(edge_map(grey8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+    return Chains.of_borders(borders, hierarchy, shortest)
 
 
 def edge_map(grey8: Image) -> Image:
@@ -31,14 +34,7 @@ def edge_map(grey8: Image) -> Image:
     smooth = cv2.GaussianBlur(grey8, (5, 5), _BLUR_PX)
     dx = cv2.Sobel(smooth, cv2.CV_16S, 1, 0)
     dy = cv2.Sobel(smooth, cv2.CV_16S, 0, 1)
-    sample = np.abs(dx[::4, ::4].astype(np.int32)) + np.abs(dy[::4, ::4])
+    apart = max(1, round(np.sqrt(grey8.size / _SAMPLES)))
+    sample = np.abs(dx[::apart, ::apart].astype(np.int32)) + np.abs(dy[::apart, ::apart])
     high = max(_NOISE_FACTOR * float(np.median(sample)), _LEAST_GRADIENT)
     return cv2.Canny(dx, dy, _HYSTERESIS * high, high)
-
-
-def pyramid(grey8: Image, levels: int) -> list[Image]:
-    """Return `grey8` and its successive halvings, `levels` in all, none smaller than 32 px."""
-    images = [grey8]
-    while len(images) < levels and min(images[-1].shape) >= 64:
-        images.append(cv2.pyrDown(images[-1]))
-    return images

@@ -7,13 +7,16 @@ from typing import Self
 
 import numpy as np
 
-from circlepose._typing import BoolArray, FloatArray
+from circlepose._typing import BoolArray, FloatArray, IntArray
 from circlepose.conic import Ellipse, rim_distance
+from circlepose.extraction.candidates import joined_ellipses
 from circlepose.extraction.contour import WANTED_SIGN, Contour, Rejection
 from circlepose.extraction.partial import PartialRim
 from circlepose.extraction.rim import RimEdges
 from circlepose.fitting.thin_ellipse import are_thin
 from circlepose.target import AxisIntervals, Polarity
+
+REASONS = tuple(Rejection)
 
 _LEAST_RIM = 0.55
 _LEAST_PARTIAL_RIM = 0.42
@@ -87,34 +90,38 @@ class Candidates:
         joined = {name: np.concatenate([getattr(self, name), getattr(other, name)]) for name in arrays}
         return type(self)(ellipse=ellipse, edges=RimEdges.joined([self.edges, other.edges]), **joined)
 
-    def why_not(self, i: int, intervals: AxisIntervals, polarity: Polarity, least_step: float) -> Rejection | None:
-        """Return why candidate i is no rim of those wanted, or None when it is one."""
-        major, minor = 2.0 * float(self.ellipse.semi_major[i]), 2.0 * float(self.ellipse.semi_minor[i])
-        if major < _LEAST_AXES_PX[0] or (intervals.minor_px is None and minor < _LEAST_AXES_PX[1]):
-            return Rejection.TOO_SHORT
-        if not intervals.holds_major(major):
-            return Rejection.MAJOR_AXIS
-        if not intervals.holds_minor(minor):
-            return Rejection.MINOR_AXIS
-        if self._is_sliver(i, intervals):
-            return Rejection.NOT_ELLIPTICAL
-        if self.share[i] < self._least_rim(i):
-            return Rejection.TOO_LITTLE_RIM
-        if self.ragged[i] > (_CLOSE if self.is_partial[i] else 1.0):
-            return Rejection.RAGGED
-        if self.step[i] < least_step:
-            return Rejection.WEAK_EDGE
-        return Rejection.POLARITY if WANTED_SIGN[polarity] * self.edges.polarity[i] < 0.0 else None
+    def why_not(self, intervals: AxisIntervals, polarity: Polarity, least_step: float) -> IntArray:
+        """Return (m,) why each candidate is no rim of those wanted, as its place in `REASONS`, or -1 where it is one.
 
-    def _least_rim(self, i: int) -> float:
-        if self.is_partial[i]:
-            return _LEAST_PARTIAL_RIM
-        return _LEAST_RIM if self.ragged[i] < 0.5 else _CLEAN_RIM
+        Of several reasons the first counts.
+        """
+        major, minor = 2.0 * self.ellipse.semi_major, 2.0 * self.ellipse.semi_minor
+        small = major < _LEAST_AXES_PX[0]
+        if intervals.minor_px is None:
+            small |= minor < _LEAST_AXES_PX[1]
+        which = [
+            (small, Rejection.TOO_SHORT),
+            (~_holds(major, intervals.major_px), Rejection.MAJOR_AXIS),
+            (~_holds(minor, intervals.minor_px), Rejection.MINOR_AXIS),
+            (self._are_slivers(intervals), Rejection.NOT_ELLIPTICAL),
+            (self.share < self._least_rim(), Rejection.TOO_LITTLE_RIM),
+            (self.ragged > np.where(self.is_partial, _CLOSE, 1.0), Rejection.RAGGED),
+            (self.step < least_step, Rejection.WEAK_EDGE),
+            (WANTED_SIGN[polarity] * self.edges.polarity < 0.0, Rejection.POLARITY),
+        ]
+        reasons = np.full(len(major), -1, dtype=np.int64)
+        for holds, reason in reversed(which):
+            reasons[holds] = REASONS.index(reason)
+        return reasons
 
-    def _is_sliver(self, i: int, intervals: AxisIntervals) -> bool:
+    def _least_rim(self) -> FloatArray:
+        whole = np.where(self.ragged < 0.5, _LEAST_RIM, _CLEAN_RIM)
+        return np.where(self.is_partial, _LEAST_PARTIAL_RIM, whole)
+
+    def _are_slivers(self, intervals: AxisIntervals) -> BoolArray:
         # Where slivers are looked for, they have a way of their own.
         wanted = intervals.major_px is not None
-        return bool(are_thin(self.ellipse[i])) and (wanted or self.share[i] < _CLEAN_THIN or self.ragged[i] > 0.5)
+        return are_thin(self.ellipse) & (wanted | (self.share < _CLEAN_THIN) | (self.ragged > 0.5))
 
     def contour(self, i: int) -> Contour:
         """Return candidate i as a contour."""
@@ -129,6 +136,7 @@ class Candidates:
         )
 
 
-def joined_ellipses(batches: list[Ellipse]) -> Ellipse:
-    """Return the ellipses of all batches as one."""
-    return Ellipse(*(np.concatenate([getattr(e, field.name) for e in batches]) for field in fields(Ellipse)))
+def _holds(length_px: FloatArray, interval: tuple[float, float] | None) -> BoolArray:
+    if interval is None:
+        return np.ones(len(length_px), dtype=np.bool_)
+    return (interval[0] <= length_px) & (length_px <= interval[1])
