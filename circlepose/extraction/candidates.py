@@ -33,6 +33,9 @@ _SAMPLES = 32
 _ROUGH_RMS_PX = 1.0
 _ROUGH_RMS_SHARE = 0.03
 """A chain may stray this far (px, or share of the minor axis) and still be worth a closer look."""
+_CLOSE_RMS_PX = 0.6
+_CLOSE_RMS_SHARE = 0.01
+"""One that strays no more is of the ellipse and nothing else."""
 _TRIMS = 3
 _LEAST_RIM = 0.35
 _NEARLY_ALL = 0.9
@@ -73,12 +76,12 @@ def rough_ellipses(
         rejected[Rejection.DUPLICATE] += int(np.sum(explained & large))
         large &= ~explained
     whole = large & (extents <= longest)
-    closed, is_closed = _closed(chains, whole)
-    # A chain that is too long has merged with something, or is none; its arcs may still be of a rim.
+    closed, is_closed, is_settled = _closed(chains, whole)
     rest = np.flatnonzero(large & ~is_closed)
-    opened, is_settled, fits = _opened(chains, rest, whole[rest])
-    rest = rest[~is_settled]
-    pieces = _pieces(chains, rest, on_known)
+    opened, clean, fits = _opened(chains, rest, whole[rest])
+    is_settled[rest[clean]] = True
+    # A chain that strays, or is too long, has merged with something, or is none; its arcs may still be of a rim.
+    pieces = _pieces(chains, np.flatnonzero(large & ~is_settled), on_known)
     from_arcs = _from_arcs(pieces, longest)
     rejected[Rejection.NOT_ELLIPTICAL] += int(np.sum(~fits))
     found = joined_ellipses([closed, opened, from_arcs])
@@ -122,32 +125,34 @@ def _rims_drawn(known: Ellipse, scale: float, image: Image) -> BoolArray | None:
     return drawn.view(np.bool_)
 
 
-def _closed(chains: Chains, whole: BoolArray) -> tuple[Ellipse, BoolArray]:
-    """Return the ellipses that chains enclose, one for each edge, and (m,) which chains enclose one."""
+def _closed(chains: Chains, whole: BoolArray) -> tuple[Ellipse, BoolArray, BoolArray]:
+    """Return the ellipses that chains enclose, one for each edge, (m,) which chains enclose one, and which closely."""
     index = np.flatnonzero(whole)
     parent = chains.parents[index]
     chosen = chains[index]
     if len(index) == 0:
-        return _no_ellipses(), np.zeros(len(chains), np.bool_)
+        return _no_ellipses(), np.zeros(len(chains), np.bool_), np.zeros(len(chains), np.bool_)
     ellipse, fullness = chosen.moment_ellipses()
     good = np.abs(fullness - 1.0) <= 1.0 - _LEAST_FULLNESS
     good &= ellipse.semi_minor >= 1.0
     kept = np.flatnonzero(good)
     distance = rim_distance(ellipse[kept], chosen.samples(_SAMPLES)[kept])
-    good[kept] = np.sqrt(np.mean(distance**2, axis=1)) < _near(ellipse[kept])
-    is_closed = np.zeros(len(chains), np.bool_)
+    rms = np.sqrt(np.mean(distance**2, axis=1))
+    good[kept] = rms < _near(ellipse[kept])
+    is_closed, is_settled = np.zeros(len(chains), np.bool_), np.zeros(len(chains), np.bool_)
     is_closed[index[good]] = True
+    is_settled[index[kept[rms < _closely(ellipse[kept])]]] = True
     # The hole within an edge is the same edge again.
     area = np.zeros(len(chains))
     area[index] = ellipse.semi_major * ellipse.semi_minor
     twin = (parent >= 0) & is_closed[parent] & (area[index] > (1.0 - _TWIN_AREA) * area[parent])
-    return ellipse[good & ~twin], is_closed
+    return ellipse[good & ~twin], is_closed, is_settled
 
 
 def _opened(chains: Chains, rest: IntArray, whole: BoolArray) -> tuple[Ellipse, BoolArray, BoolArray]:
     """Fit ellipses to chains that enclose none: with gaps, or merged with something.
 
-    Returns the ellipses, which chains of `rest` are settled by one, and which have one.
+    Returns the ellipses, which chains of `rest` lie on one closely, and which have one.
     """
     settled, fits = np.zeros(len(rest), np.bool_), np.zeros(len(rest), np.bool_)
     index = np.flatnonzero(whole & (chains.sizes[rest] >= _SHORTEST_OPEN))
@@ -155,8 +160,10 @@ def _opened(chains: Chains, rest: IntArray, whole: BoolArray) -> tuple[Ellipse, 
     if len(index) == 0:
         return _no_ellipses(), settled, fits
     chosen = chains[rest[index]]
-    ellipse, good, share = _trimmed(chosen.samples(_SAMPLES), chosen.sizes.astype(np.float64))
-    settled[index] = good & (share >= _NEARLY_ALL)
+    samples = chosen.samples(_SAMPLES)
+    ellipse, good, _ = _trimmed(samples, chosen.sizes.astype(np.float64))
+    distance = np.abs(rim_distance(ellipse, samples))
+    settled[index] = good & (np.mean(distance < 2.0 * _closely(ellipse)[:, None], axis=1) >= _NEARLY_ALL)
     fits[index] = good
     return ellipse[good], settled, fits
 
@@ -210,6 +217,10 @@ def without_repeats(ellipse: Ellipse, near_px: float) -> Ellipse:
 
 def _near(ellipse: Ellipse) -> FloatArray:
     return np.maximum(_ROUGH_RMS_PX, _ROUGH_RMS_SHARE * 2.0 * ellipse.semi_minor)
+
+
+def _closely(ellipse: Ellipse) -> FloatArray:
+    return np.maximum(_CLOSE_RMS_PX, _CLOSE_RMS_SHARE * ellipse.semi_major)
 
 
 def _no_ellipses() -> Ellipse:

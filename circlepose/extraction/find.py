@@ -39,7 +39,7 @@ _LONGEST = 4.0
 """Times its length before that an ellipse may have, moved to its edges."""
 _LEAST_STEP = 0.012
 """Lowest edge, as a share of the grey range in use."""
-_LEAST_KIN = 0.2
+_LEAST_KIN = 0.3
 """Edges weaker than this share of the typical one of the image's circles are none of the kind."""
 _LEAST_IN_RUNS = 0.3
 """Share of a candidate's rim that must agree in long runs to look for the rest of a partly hidden one."""

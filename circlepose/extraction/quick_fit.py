@@ -62,7 +62,7 @@ def _eigenvector(system: FloatArray) -> FloatArray:
     """Return the eigenvector (m, 3) of the largest eigenvalue: the only positive one, as of the constraint."""
     third = np.trace(system, axis1=1, axis2=2) / 3.0
     shifted = system - third[:, None, None] * np.eye(3)
-    p = np.sqrt(np.maximum(np.einsum("mij,mji->m", shifted, shifted) / 6.0, _TINY))
+    p = np.sqrt(np.maximum(np.einsum("mij,mji->m", shifted, shifted) / 6.0, 1e-60))
     half_det = np.linalg.det(shifted / p[:, None, None]) / 2.0
     largest = third + 2.0 * p * np.cos(np.arccos(np.clip(half_det, -1.0, 1.0)) / 3.0)
     rows = system - largest[:, None, None] * np.eye(3)

@@ -91,7 +91,7 @@ def locate_edges(
     reach_px
         (m,) how far from the predicted rim the edge may be.
     quick
-        Round levels as `quick_sample` does.
+        Round levels as `quick_profiles` does.
 
     The edge is the centroid of the gradient of the rim's sign within 2 px of its steepest place: for a
     symmetric blur that is where the step was, but for the inward shift (variance of the blur) * curvature / 2
@@ -99,34 +99,46 @@ def locate_edges(
     """
     steps = int(np.ceil(float(np.max(reach_px)) / _STEP_PX)) + 1
     t = _STEP_PX * np.arange(-steps, steps + 1)
-    where = points[:, :, None, :] + t[:, None] * normals[:, :, None, :]
     profile: NDArray[Any]
     near: NDArray[Any]
-    polarity: NDArray[Any]
-    profile, inside = quick_sample(grey, where) if quick else sample(grey, where)
-    gradient = (profile[..., 2:] - profile[..., :-2]) / profile.dtype.type(2.0 * _STEP_PX)
+    if quick:
+        profile, inside = quick_profiles(grey, points, normals, t)
+    else:
+        profile, levels_inside = sample(grey, points[:, :, None, :] + t[:, None] * normals[:, :, None, :])
+        inside = levels_inside.all(axis=-1)
+    gradient = profile[..., 2:] - profile[..., :-2]
+    gradient *= 1.0 / (2.0 * _STEP_PX)
     t = t[1:-1].astype(profile.dtype)
     near = np.clip(1.0 - np.abs(t) / (reach_px[:, None] + _STEP_PX), 0.0, None).astype(profile.dtype)
-    polarity = np.where(np.einsum("mkt,mt->m", gradient, near) < 0.0, -1.0, 1.0).astype(profile.dtype)
-    rising = np.maximum(gradient * polarity[:, None, None], 0.0)
+    inwards = np.matmul(gradient.sum(axis=1)[:, None, :], near[:, :, None])[:, 0, 0] < 0.0
+    polarity = np.where(inwards, -1.0, 1.0)
+    gradient[inwards] *= -1.0
+    rising = np.maximum(gradient, 0.0, out=gradient)
     # Ties and noise are settled in favour of the predicted place.
-    peak = np.argmax(rising * (0.25 + near[:, None, :]) * (near[:, None, :] > 0.0), axis=-1)
+    peak = np.argmax(rising * ((0.25 + near) * (near > 0.0))[:, None, :], axis=-1)
     center = t[peak]
-    half = _HALF_WINDOW * _STEP_PX
+    half = (_HALF_WINDOW + 0.5) * _STEP_PX
     for _ in range(2):
         # The window's ends count in part, so that it can move by less than a step.
-        window = np.clip((half - np.abs(t - center[..., None])) / _STEP_PX + 0.5, 0.0, 1.0) * rising
+        window = np.subtract(t, center[..., None])
+        np.abs(window, out=window)
+        np.subtract(half, window, out=window)
+        window *= 1.0 / _STEP_PX
+        np.clip(window, 0.0, 1.0, out=window)
+        window *= rising
         mass = window.sum(axis=-1)
-        center = np.where(mass > 0.0, (window * t).sum(axis=-1) / np.maximum(mass, 1e-12), center)
-    variance = (window * (t - center[..., None]) ** 2).sum(axis=-1) / np.maximum(mass, 1e-12)
+        center = np.where(mass > 0.0, (window @ t) / np.maximum(mass, 1e-12), center)
+    # About the middle of the profile first: of the same sums as the centre.
+    mean_square = (window @ (t * t)) / np.maximum(mass, 1e-12)
+    variance = np.where(mass > 0.0, mean_square - center * center, 0.0)
     blur = np.maximum(np.median(variance, axis=1, keepdims=True) - _DIFFERENCE_VARIANCE, 0.0)
     center = center + 0.5 * blur * _curvature(points, normals)
     step = mass * _STEP_PX
     typical = np.median(step, axis=1, keepdims=True)
-    valid = inside.all(axis=-1) & (step > 0.35 * typical) & (step > 0.0) & (np.abs(center) <= reach_px[:, None])
+    valid = inside & (step > 0.35 * typical) & (step > 0.0) & (np.abs(center) <= reach_px[:, None])
     return RimEdges(
         points=points + center[..., None] * normals,
-        offset_px=center,
+        offset_px=center.astype(np.float64),
         step=step * polarity[:, None],
         valid=valid,
         polarity=polarity,
@@ -140,21 +152,28 @@ def _curvature(points: FloatArray, normals: FloatArray) -> FloatArray:
     return np.sum(chord * turning, axis=-1) / np.maximum(np.sum(chord**2, axis=-1), 1e-12)
 
 
-def quick_sample(grey: Image, where: FloatArray) -> tuple[NDArray[np.float32], BoolArray]:
-    """Return what `sample` does at `where` (m, k, l, 2), sooner and in float32.
+def quick_profiles(
+    grey: Image, points: FloatArray, normals: FloatArray, t: FloatArray
+) -> tuple[NDArray[np.float32], BoolArray]:
+    """Return the levels (m, k, l) at `points` + `t` (l,) `normals`, and which profiles lie in the image (m, k).
 
-    In an 8 or 16 bit image levels between pixels are rounded to whole ones.
+    As `sample` does, sooner and in float32; in an 8 or 16 bit image levels between pixels are rounded to whole ones.
     """
     height, width = grey.shape
-    number, places, steps, _ = where.shape
-    if max(height, width, number, places * steps) > _REMAP_MOST:
-        level, inside = sample(grey, where)
+    number, places = points.shape[:2]
+    offset = t.astype(np.float32)
+    x, y = (
+        points[..., i, None].astype(np.float32) + offset * normals[..., i, None].astype(np.float32) for i in (0, 1)
+    )
+    # The image is convex: what begins and ends in it lies in it.
+    ends_x, ends_y = x[..., [0, -1]], y[..., [0, -1]]
+    inside = ((ends_x >= 0.0) & (ends_x <= width - 1.0) & (ends_y >= 0.0) & (ends_y <= height - 1.0)).all(axis=-1)
+    if max(height, width, number, places * len(t)) > _REMAP_MOST:
+        level, _ = sample(grey, np.stack([x, y], axis=-1).astype(np.float64))
         return level.astype(np.float32), inside
-    x = where[..., 0].astype(np.float32).reshape(number, -1)
-    y = where[..., 1].astype(np.float32).reshape(number, -1)
-    inside = (x >= 0.0) & (x <= width - 1.0) & (y >= 0.0) & (y <= height - 1.0)
-    remapped = cv2.remap(grey, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return remapped.astype(np.float32).reshape(where.shape[:-1]), inside.reshape(where.shape[:-1])
+    shape = (number, places * len(t))
+    remapped = cv2.remap(grey, x.reshape(shape), y.reshape(shape), cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return remapped.astype(np.float32).reshape(number, places, len(t)), inside
 
 
 def sample(grey: Image, where: FloatArray) -> tuple[FloatArray, BoolArray]:

@@ -11,6 +11,7 @@ from circlepose.conic import Ellipse, rim_distance, signed_distance
 from circlepose.extraction.contour import WANTED_SIGN, Contour, Rejection
 from circlepose.extraction.partial import partial_rim
 from circlepose.extraction.rim import sample
+from circlepose.extraction.verify import Candidates
 from circlepose.fitting.thin_ellipse import ThinEllipse, fit_thin_ellipse
 from circlepose.target import AxisIntervals, Polarity
 
@@ -81,6 +82,7 @@ def _from_both_sides(levels: Image, rough: Ellipse) -> Contour | None:
         rim_used=share,
         residual_px=float(np.sqrt(np.mean(residual**2))),
         evidence=share * _perimeter(rim.ellipse) * abs(step),
+        score=float(Candidates.of_partial([rim]).quality[0]) * share,
     )
 
 
@@ -163,6 +165,7 @@ def _from_levels(fitted: ThinEllipse | Rejection) -> Contour | Rejection:
         rim_used=fitted.rim_used,
         residual_px=fitted.error_px,
         evidence=_perimeter(fitted.ellipse) * fitted.peak_levels,
+        score=fitted.rim_used / (1.0 + (fitted.rms_levels / (_WORST_RMS * fitted.peak_levels)) ** 2),
     )
 
 

@@ -33,6 +33,15 @@ _CLEAN_RIM = 0.8
 _CLEAN_THIN = 0.95
 """Share of the rim wanted of a thin ellipse, which any two neighbouring edges resemble."""
 _LEAST_AXES_PX = (6.0, 3.0)
+_STRAY_PX = 0.08
+_STRAY_SHARE = 0.015
+_STRAY_WIDEST_PX = 15.0
+"""rms distance from the ellipse (px, plus share of the semi-minor axis up to the last) that halves the quality."""
+_UNEVEN = 0.15
+_UNEVEN_PER_PX = 0.02
+"""Spread of the edge's height along the rim, as a share of it (plus per px of the semi-minor axis), that does too."""
+_LEAST_QUALITY = 0.3
+_LEAST_SCORE = 0.25
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,6 +61,8 @@ class Candidates:
     """(m,) grey levels"""
     ragged: FloatArray
     """(m,) rms distance as a share of what is let pass"""
+    quality: FloatArray
+    """(m,) how well what is seen of the rim suits a circle's image, 0 to 1: see `_quality`"""
     evidence: FloatArray
 
     @classmethod
@@ -64,6 +75,8 @@ class Candidates:
         count = np.maximum(which.sum(axis=1), 1)
         rms_px = np.sqrt(np.sum(np.where(which, residual, 0.0) ** 2, axis=1) / count)
         step = np.abs(np.sum(np.where(which, edges.step, 0.0), axis=1)) / count
+        spread = np.where(which, np.abs(edges.step) - step[:, None], 0.0)
+        uneven = np.sqrt(np.sum(spread**2, axis=1) / count) / np.maximum(step, 1e-9)
         perimeter = np.pi * (ellipse.semi_major + ellipse.semi_minor)
         return cls(
             ellipse=ellipse,
@@ -74,6 +87,7 @@ class Candidates:
             rms_px=rms_px,
             step=step,
             ragged=rms_px / (_RAGGED_PX + _RAGGED_SHARE * ellipse.semi_major),
+            quality=_quality(ellipse.semi_minor, rms_px, uneven),
             evidence=share * perimeter * step / (1.0 + (rms_px / 0.5) ** 2),
         )
 
@@ -107,6 +121,8 @@ class Candidates:
             (self.share < self._least_rim(), Rejection.TOO_LITTLE_RIM),
             (self.ragged > np.where(self.is_partial, _CLOSE, 1.0), Rejection.RAGGED),
             (self.step < least_step, Rejection.WEAK_EDGE),
+            (self.quality < _LEAST_QUALITY, Rejection.UNLIKE_A_RIM),
+            (self.quality * self.share < _LEAST_SCORE, Rejection.TOO_LITTLE_RIM),
             (WANTED_SIGN[polarity] * self.edges.polarity < 0.0, Rejection.POLARITY),
         ]
         reasons = np.full(len(major), -1, dtype=np.int64)
@@ -133,7 +149,18 @@ class Candidates:
             rim_used=float(self.share[i]),
             residual_px=float(self.rms_px[i]),
             evidence=float(self.evidence[i]),
+            score=float(self.share[i] * self.quality[i]),
         )
+
+
+def _quality(semi_minor: FloatArray, rms_px: FloatArray, uneven: FloatArray) -> FloatArray:
+    """Return (m,) how little the edges stray from the ellipse and how even they are, 1 at best.
+
+    Things that are round by chance are small, and differ from an ellipse by a share of their size and in how their
+    edge varies along it. A large ellipse that many edges lie on is none by chance: it may lie on half a table.
+    """
+    stray = rms_px / (_STRAY_PX + _STRAY_SHARE * np.minimum(semi_minor, _STRAY_WIDEST_PX))
+    return np.asarray(1.0 / (1.0 + stray**2) / (1.0 + (uneven / (_UNEVEN + _UNEVEN_PER_PX * semi_minor)) ** 2))
 
 
 def _holds(length_px: FloatArray, interval: tuple[float, float] | None) -> BoolArray:
