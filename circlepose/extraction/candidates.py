@@ -50,6 +50,10 @@ _LONG_PX = 15.0
 _EXPLAINED = 0.7
 """Share of a chain on known rims from which there is nothing new in it."""
 _TWIN_AREA = 0.25
+_CORNERS = 72
+"""Of the polygon that stands for a known rim."""
+_LEAST_RATIO = 0.1
+"""Axis ratio from which a chain that encloses nothing may be of a circle where none edge-on is looked for."""
 
 
 def rough_ellipses(
@@ -78,7 +82,7 @@ def rough_ellipses(
     whole = large & (extents <= longest)
     closed, is_closed, is_settled = _closed(chains, whole)
     rest = np.flatnonzero(large & ~is_closed)
-    opened, clean, fits = _opened(chains, rest, whole[rest])
+    opened, clean, fits = _opened(chains, rest, whole[rest], 0.0 if intervals.major_px else _LEAST_RATIO)
     is_settled[rest[clean]] = True
     # A chain that strays, or is too long, has merged with something, or is none; its arcs may still be of a rim.
     pieces = _pieces(chains, np.flatnonzero(large & ~is_settled), on_known)
@@ -115,13 +119,10 @@ def _rims_drawn(known: Ellipse, scale: float, image: Image) -> BoolArray | None:
     if len(known) == 0:
         return None
     drawn = np.zeros(image.shape, np.uint8)
-    centers = to_reduced(known.center, scale)
+    reduced = Ellipse(to_reduced(known.center, scale), known.semi_major / scale, known.semi_minor / scale, known.angle)
     # OpenCV's fixed point: four bits of fraction.
-    rows = np.rint(
-        16.0 * np.column_stack([centers, known.semi_major / scale, known.semi_minor / scale]).clip(-1e6, 1e6)
-    ).astype(int)
-    for (x, y, a, b), angle in zip(rows.tolist(), np.degrees(known.angle).tolist(), strict=True):
-        cv2.ellipse(drawn, (x, y), (a, b), angle, 0.0, 360.0, 1, 3, cv2.LINE_8, 4)
+    rims = np.rint(16.0 * reduced.points(_CORNERS).clip(-1e6, 1e6)).astype(np.int32)
+    cv2.polylines(drawn, list(rims), True, 1, 3, cv2.LINE_8, 4)
     return drawn.view(np.bool_)
 
 
@@ -149,7 +150,9 @@ def _closed(chains: Chains, whole: BoolArray) -> tuple[Ellipse, BoolArray, BoolA
     return ellipse[good & ~twin], is_closed, is_settled
 
 
-def _opened(chains: Chains, rest: IntArray, whole: BoolArray) -> tuple[Ellipse, BoolArray, BoolArray]:
+def _opened(
+    chains: Chains, rest: IntArray, whole: BoolArray, least_ratio: float
+) -> tuple[Ellipse, BoolArray, BoolArray]:
     """Fit ellipses to chains that enclose none: with gaps, or merged with something.
 
     Returns the ellipses, which chains of `rest` lie on one closely, and which have one.
@@ -162,6 +165,7 @@ def _opened(chains: Chains, rest: IntArray, whole: BoolArray) -> tuple[Ellipse, 
     chosen = chains[rest[index]]
     samples = chosen.samples(_SAMPLES)
     ellipse, good, _ = _trimmed(samples, chosen.sizes.astype(np.float64))
+    good &= ellipse.semi_minor >= least_ratio * ellipse.semi_major
     distance = np.abs(rim_distance(ellipse, samples))
     settled[index] = good & (np.mean(distance < 2.0 * _closely(ellipse)[:, None], axis=1) >= _NEARLY_ALL)
     fits[index] = good
@@ -186,11 +190,14 @@ def _trimmed(samples: FloatArray, lengths: FloatArray) -> tuple[Ellipse, BoolArr
 
 def _pieces(chains: Chains, rest: IntArray, on_known: BoolArray | None) -> Arcs:
     """Return the arcs of the longest chains of `rest`, but for straight ones and those along known rims."""
+    rest = rest[chains.sizes[rest] >= SHORTEST_CHAIN]
     rest = rest[np.argsort(-chains.sizes[rest], kind="stable")]
     sizes = chains.sizes[rest]
-    arcs = arcs_of(chains[rest[(sizes >= SHORTEST_CHAIN) & (np.cumsum(sizes) - sizes < _MOST_POINTS)]])
+    arcs = arcs_of(chains[rest[np.cumsum(sizes) - sizes < _MOST_POINTS]])
+    if len(arcs) == 0:
+        return arcs
     arcs = arcs[bulging(arcs)]
-    if on_known is not None and len(arcs):
+    if on_known is not None:
         x, y = arcs.samples.astype(np.int64).transpose(2, 0, 1)
         arcs = arcs[on_known[y, x].mean(axis=1) < _EXPLAINED]
     return arcs.longest(MOST_ARCS)

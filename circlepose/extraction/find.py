@@ -22,7 +22,7 @@ from circlepose.extraction.repeats import inside_others, repeats, same
 from circlepose.extraction.rim import edges_along
 from circlepose.extraction.rim_fit import fit_offsets
 from circlepose.extraction.slivers import find_slivers
-from circlepose.extraction.verify import REASONS, Candidates
+from circlepose.extraction.verify import REASONS, Candidates, are_hopeless
 from circlepose.fitting.thin_ellipse import THIN_PX, are_thin
 from circlepose.target import AxisIntervals, Polarity
 
@@ -35,8 +35,13 @@ _PLACES = 72
 """Places along the rim at which a candidate is verified."""
 _LEAST_EDGES = 0.27
 """Share of the places along a candidate that must have an edge."""
+_SMALL_PX = 12.0
+_LEAST_SMALL = 0.5
+"""The same of small ones, of which no hidden part is made up."""
 _LONGEST = 4.0
 """Times its length before that an ellipse may have, moved to its edges."""
+_NEAR_PX = 1.0
+_NEAR_SHARE = 0.01
 _LEAST_STEP = 0.012
 """Lowest edge, as a share of the grey range in use."""
 _LEAST_KIN = 0.3
@@ -133,10 +138,16 @@ def _verified(levels: Image, rough: Ellipse, reach_px: float, rejected: Counter[
         if len(rough) == 0:
             return None
         edges = edges_along(levels, rough, reach, places, quick=True)
-        moved, _ = fit_offsets(rough, edges.offset_px, edges.valid)
-        alive = np.count_nonzero(edges.valid, axis=1) >= _LEAST_EDGES * places
+        moved, left = fit_offsets(rough, edges.offset_px, edges.valid)
+        on_it = edges.valid & (np.abs(left) <= np.maximum(_NEAR_PX, _NEAR_SHARE * moved.semi_major)[:, None])
+        least = np.where(moved.semi_major < _SMALL_PX, _LEAST_SMALL, _LEAST_EDGES)
+        alive = np.count_nonzero(on_it, axis=1) >= least * places
         alive &= moved.semi_major < _LONGEST * (1.0 + rough.semi_major)
         rejected[Rejection.TOO_LITTLE_RIM] += int(np.sum(~alive))
+        if places == _FIRST_PLACES:
+            hopeless = alive & are_hopeless(moved, left, edges.step, on_it)
+            rejected[Rejection.UNLIKE_A_RIM] += int(np.sum(hopeless))
+            alive &= ~hopeless
         # Several hypotheses may have come to stand on one edge.
         ranked = np.flatnonzero(alive)
         again = repeats(moved, ranked[np.argsort(-np.count_nonzero(edges.valid[ranked], axis=1), kind="stable")])
@@ -175,14 +186,17 @@ def _partial_rims(
     """Look again at candidates that agree with the edges in part, where one could be among the `enough` best."""
     whole = [i for i in kept if found.share[i] > _WHOLE]
     least = found.evidence[whole[enough - 1]] if enough is not None and len(whole) >= enough else 0.0
-    doubtful = [
-        i
-        for i, reason in reasons.items()
-        if reason in (Rejection.TOO_LITTLE_RIM, Rejection.RAGGED)
-        and found.evidence[i] > least
-        and in_runs(found.on_rim[i]).mean() >= _LEAST_IN_RUNS
-    ]
-    rims = partial_rims(levels, found.ellipse[doubtful[:_MOST_PARTIAL]], _PLACES)
+    doubtful = []
+    for i, reason in reasons.items():
+        if reason not in (Rejection.TOO_LITTLE_RIM, Rejection.RAGGED) or found.evidence[i] <= least:
+            continue
+        if in_runs(found.on_rim[i]).mean() >= _LEAST_IN_RUNS:
+            doubtful.append(i)
+        if len(doubtful) == _MOST_PARTIAL:
+            break
+    if not doubtful:
+        return []
+    rims = partial_rims(levels, found.ellipse[doubtful], _PLACES)
     return [rim for rim in rims if rim is not None and not _is_explained(rim, found.ellipse[whole])]
 
 

@@ -18,6 +18,8 @@ from circlepose.extraction.rim import RimEdges, edges_along
 from circlepose.fitting.determination import axis_errors, curvature_radius
 
 _ROUNDS = 5
+_DRAWS = (120, 60, 40, 40, 40)
+"""Of each round: the first may start far off."""
 _SETTLED_PX = 0.7
 _REACH_PX = 2.5
 _NEAR_PX = 0.2
@@ -64,12 +66,13 @@ def partial_rims(levels: Image, start: Ellipse, places: int) -> list[PartialRim 
         usable = edges.valid & (curvature_radius(ellipse, places) >= _SHARPEST_PX)
         near_px = _NEAR_PX + _NEAR_SHARE * ellipse.semi_major
         alive = np.count_nonzero(usable, axis=1) >= _LEAST_PLACES
-        chosen = on_one_ellipse(edges.points, usable, near_px)
+        chosen = on_one_ellipse(edges.points, usable, near_px, _DRAWS[turn])
         fitted = ellipse
         for _ in range(_POLISHES):
             fitted, found = fit_each(edges.points, np.maximum(chosen, 1e-9))
             alive &= found
             chosen = usable & (np.abs(rim_distance(fitted, edges.points)) <= near_px[:, None])
+        alive &= np.count_nonzero(chosen, axis=1) >= _LEAST_PLACES
         settled = alive & ((_moved(ellipse, fitted) < _SETTLED_PX) | (turn == _ROUNDS - 1))
         for i in np.flatnonzero(settled).tolist():
             rims[which[i]] = _held(fitted[i], edges[[i]], in_runs(chosen[i]))

@@ -42,6 +42,9 @@ _UNEVEN_PER_PX = 0.02
 """Spread of the edge's height along the rim, as a share of it (plus per px of the semi-minor axis), that does too."""
 _LEAST_QUALITY = 0.3
 _LEAST_SCORE = 0.25
+_HOPELESS = 0.15
+_HOPELESS_PART = 0.1
+"""Quality below which a closer look is not worth it, at a rim seen whole, or nearly, and at another."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,11 +75,7 @@ class Candidates:
         tolerance = np.maximum(_TOLERANCE_PX, _TOLERANCE_SHARE * ellipse.semi_major)[:, None]
         which = edges.valid & (np.abs(residual) <= tolerance) if on_rim is None else on_rim
         share = which.mean(axis=1)
-        count = np.maximum(which.sum(axis=1), 1)
-        rms_px = np.sqrt(np.sum(np.where(which, residual, 0.0) ** 2, axis=1) / count)
-        step = np.abs(np.sum(np.where(which, edges.step, 0.0), axis=1)) / count
-        spread = np.where(which, np.abs(edges.step) - step[:, None], 0.0)
-        uneven = np.sqrt(np.sum(spread**2, axis=1) / count) / np.maximum(step, 1e-9)
+        rms_px, step, uneven = _measured(residual, edges.step, which)
         perimeter = np.pi * (ellipse.semi_major + ellipse.semi_minor)
         return cls(
             ellipse=ellipse,
@@ -151,6 +150,25 @@ class Candidates:
             evidence=float(self.evidence[i]),
             score=float(self.share[i] * self.quality[i]),
         )
+
+
+def are_hopeless(ellipse: Ellipse, residual: FloatArray, step: FloatArray, on_rim: BoolArray) -> BoolArray:
+    """Tell (m,) which rims are so unlike a circle's that no closer look will mend it.
+
+    From the `residual` (m, k) px and the `step` (m, k) of the edges along them, those counted that are `on_rim`.
+    """
+    rms_px, _, uneven = _measured(residual, step, on_rim)
+    least = np.where(on_rim.mean(axis=1) >= _CLEAN_RIM, _HOPELESS, _HOPELESS_PART)
+    return np.asarray(_quality(ellipse.semi_minor, rms_px, uneven) < least)
+
+
+def _measured(residual: FloatArray, step: FloatArray, which: BoolArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return (m,) the rms residual, the mean step and the spread of the step as a share of it, where `which`."""
+    count = np.maximum(np.count_nonzero(which, axis=1), 1)
+    rms_px = np.sqrt(np.sum(np.where(which, residual, 0.0) ** 2, axis=1) / count)
+    mean = np.abs(np.sum(np.where(which, step, 0.0), axis=1)) / count
+    spread = np.where(which, np.abs(step) - mean[:, None], 0.0)
+    return rms_px, mean, np.sqrt(np.sum(spread**2, axis=1) / count) / np.maximum(mean, 1e-9)
 
 
 def _quality(semi_minor: FloatArray, rms_px: FloatArray, uneven: FloatArray) -> FloatArray:
