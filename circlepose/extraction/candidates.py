@@ -38,11 +38,12 @@ _CLOSE_RMS_SHARE = 0.01
 """One that strays no more is of the ellipse and nothing else."""
 _TRIMS = 3
 _LEAST_RIM = 0.35
+_MOSTLY = 0.6
 _NEARLY_ALL = 0.9
 _SHORTEST_OPEN = 20
 _MOST_OPEN = 400
 """Chains of one scale that enclose no ellipse and are looked at closer, the longest first."""
-_MOST_POINTS = 100_000
+_MOST_POINTS = 60_000
 """Points of chains of one scale that are cut into arcs, the longest chains first."""
 _MOST_FROM_ARCS = 80
 _LONG_PX = 15.0
@@ -50,7 +51,7 @@ _LONG_PX = 15.0
 _EXPLAINED = 0.7
 """Share of a chain on known rims from which there is nothing new in it."""
 _TWIN_AREA = 0.25
-_CORNERS = 72
+_CORNERS = 48
 """Of the polygon that stands for a known rim."""
 _LEAST_RATIO = 0.1
 """Axis ratio from which a chain that encloses nothing may be of a circle where none edge-on is looked for."""
@@ -85,7 +86,7 @@ def rough_ellipses(
     opened, clean, fits = _opened(chains, rest, whole[rest], 0.0 if intervals.major_px else _LEAST_RATIO)
     is_settled[rest[clean]] = True
     # A chain that strays, or is too long, has merged with something, or is none; its arcs may still be of a rim.
-    pieces = _pieces(chains, np.flatnonzero(large & ~is_settled), on_known)
+    pieces = _pieces(chains, np.flatnonzero(large & ~is_settled), on_known, lines=intervals.major_px is not None)
     from_arcs = _from_arcs(pieces, longest)
     rejected[Rejection.NOT_ELLIPTICAL] += int(np.sum(~fits))
     found = joined_ellipses([closed, opened, from_arcs])
@@ -119,7 +120,9 @@ def _rims_drawn(known: Ellipse, scale: float, image: Image) -> BoolArray | None:
     if len(known) == 0:
         return None
     drawn = np.zeros(image.shape, np.uint8)
-    reduced = Ellipse(to_reduced(known.center, scale), known.semi_major / scale, known.semi_minor / scale, known.angle)
+    reduced = Ellipse(
+        to_reduced(known.center, scale), known.semi_major / scale, known.semi_minor / scale, known.angle
+    )
     # OpenCV's fixed point: four bits of fraction.
     rims = np.rint(16.0 * reduced.points(_CORNERS).clip(-1e6, 1e6)).astype(np.int32)
     cv2.polylines(drawn, list(rims), True, 1, 3, cv2.LINE_8, 4)
@@ -127,7 +130,7 @@ def _rims_drawn(known: Ellipse, scale: float, image: Image) -> BoolArray | None:
 
 
 def _closed(chains: Chains, whole: BoolArray) -> tuple[Ellipse, BoolArray, BoolArray]:
-    """Return the ellipses that chains enclose, one for each edge, (m,) which chains enclose one, and which closely."""
+    """Return the ellipses that chains enclose, one for each edge, which (m,) enclose one, and which closely."""
     index = np.flatnonzero(whole)
     parent = chains.parents[index]
     chosen = chains[index]
@@ -165,8 +168,10 @@ def _opened(
     chosen = chains[rest[index]]
     samples = chosen.samples(_SAMPLES)
     ellipse, good, _ = _trimmed(samples, chosen.sizes.astype(np.float64))
-    good &= ellipse.semi_minor >= least_ratio * ellipse.semi_major
     distance = np.abs(rim_distance(ellipse, samples))
+    # With less of it on the ellipse its arcs say more.
+    good &= np.mean(distance < _near(ellipse)[:, None], axis=1) >= _MOSTLY
+    good &= ellipse.semi_minor >= least_ratio * ellipse.semi_major
     settled[index] = good & (np.mean(distance < 2.0 * _closely(ellipse)[:, None], axis=1) >= _NEARLY_ALL)
     fits[index] = good
     return ellipse[good], settled, fits
@@ -188,15 +193,19 @@ def _trimmed(samples: FloatArray, lengths: FloatArray) -> tuple[Ellipse, BoolArr
     return ellipse, good & ((ellipse.semi_minor >= 1.0) | (ellipse.semi_major >= _LONG_PX)), share
 
 
-def _pieces(chains: Chains, rest: IntArray, on_known: BoolArray | None) -> Arcs:
-    """Return the arcs of the longest chains of `rest`, but for straight ones and those along known rims."""
+def _pieces(chains: Chains, rest: IntArray, on_known: BoolArray | None, *, lines: bool) -> Arcs:
+    """Return the arcs of the longest chains of `rest`, but for those along known rims and straight ones.
+
+    With `lines` these too: they may be sides of a circle seen edge-on.
+    """
     rest = rest[chains.sizes[rest] >= SHORTEST_CHAIN]
     rest = rest[np.argsort(-chains.sizes[rest], kind="stable")]
     sizes = chains.sizes[rest]
     arcs = arcs_of(chains[rest[np.cumsum(sizes) - sizes < _MOST_POINTS]])
     if len(arcs) == 0:
         return arcs
-    arcs = arcs[bulging(arcs)]
+    if not lines:
+        arcs = arcs[bulging(arcs)]
     if on_known is not None:
         x, y = arcs.samples.astype(np.int64).transpose(2, 0, 1)
         arcs = arcs[on_known[y, x].mean(axis=1) < _EXPLAINED]
@@ -209,7 +218,7 @@ def _from_arcs(arcs: Arcs, longest: float) -> Ellipse:
         return _no_ellipses()
     single, good, share = _trimmed(arcs.samples, arcs.lengths)
     cover = share * arcs.lengths / (np.pi * (single.semi_major + single.semi_minor))
-    joined, _, joined_cover = joined_arcs(arcs, longest)
+    joined, joined_cover = joined_arcs(arcs[bulging(arcs)], longest)
     found = joined_ellipses([single[good], joined])
     ranked = found[np.argsort(-np.concatenate([cover[good], joined_cover]), kind="stable")]
     return without_repeats(ranked, 1.0)[:_MOST_FROM_ARCS]

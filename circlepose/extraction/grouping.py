@@ -25,15 +25,15 @@ _ALSO_PX = 2.0
 _ALSO_SHARE = 0.04
 
 
-def joined_arcs(arcs: Arcs, longest_px: float) -> tuple[Ellipse, BoolArray, FloatArray]:
+def joined_arcs(arcs: Arcs, longest_px: float) -> tuple[Ellipse, FloatArray]:
     """Fit an ellipse no longer than `longest_px` to each family of `arcs` that lie on one.
 
     A family is a pair that agrees on an ellipse, and all other arcs on that ellipse. Returns the ellipses (batch of
-    f), which arcs each family has (f, m), and the share of the rim that these cover (f,).
+    f) and the share of the rim that its arcs cover (f,).
     """
-    first, second = _pairs(arcs, longest_px)
+    first, second = _pairs(arcs, longest_px) if len(arcs) > 1 else (np.empty(0, np.int64), np.empty(0, np.int64))
     if len(first) == 0:
-        return _none(len(arcs))
+        return _none()
     samples, lengths = arcs.samples, arcs.lengths
     middle, scale = samples.mean(axis=(0, 1)), float(np.std(samples)) + 1.0
     # Each arc counts by its length, however it was sampled.
@@ -46,7 +46,7 @@ def joined_arcs(arcs: Arcs, longest_px: float) -> tuple[Ellipse, BoolArray, Floa
     kept = np.flatnonzero(found)
     kept = kept[_agree(ellipse[kept], samples[first[kept]]) & _agree(ellipse[kept], samples[second[kept]])]
     if len(kept) == 0:
-        return _none(len(arcs))
+        return _none()
     # The pairs that hold most of their ellipse, where there are very many.
     kept = kept[np.argsort(-(lengths[first[kept]] + lengths[second[kept]]), kind="stable")[:_MOST_FAMILIES]]
     also = _also_on(ellipse[kept], samples)
@@ -58,12 +58,11 @@ def joined_arcs(arcs: Arcs, longest_px: float) -> tuple[Ellipse, BoolArray, Floa
     cover = families @ lengths / np.maximum(perimeter, 1e-9)
     # Both borders of one edge may count, hence up to twice the rim.
     found &= (cover > _LEAST_COVER) & (cover < _MOST_COVER)
-    return ellipse[found], families[found], cover[found]
+    return ellipse[found], cover[found]
 
 
-def _none(arcs: int) -> tuple[Ellipse, BoolArray, FloatArray]:
-    ellipse = Ellipse(np.empty((0, 2)), np.empty(0), np.empty(0), np.empty(0))
-    return ellipse, np.zeros((0, arcs), np.bool_), np.empty(0)
+def _none() -> tuple[Ellipse, FloatArray]:
+    return Ellipse(np.empty((0, 2)), np.empty(0), np.empty(0), np.empty(0)), np.empty(0)
 
 
 def _fitted(scatter: FloatArray, middle: FloatArray, scale: float) -> tuple[Ellipse, BoolArray]:

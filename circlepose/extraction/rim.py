@@ -98,17 +98,12 @@ def locate_edges(
     of a curved edge, which is put back. Gradients of the other sign, a neighbour's edge, count nothing.
     """
     steps = int(np.ceil(float(np.max(reach_px)) / _STEP_PX)) + 1
-    t = _STEP_PX * np.arange(-steps, steps + 1)
-    profile: NDArray[Any]
-    near: NDArray[Any]
-    if quick:
-        profile, inside = quick_profiles(grey, points, normals, t)
-    else:
-        profile, levels_inside = sample(grey, points[:, :, None, :] + t[:, None] * normals[:, :, None, :])
-        inside = levels_inside.all(axis=-1)
+    t: NDArray[Any] = _STEP_PX * np.arange(-steps, steps + 1)
+    profile, inside = (quick_profiles if quick else _profiles)(grey, points, normals, t)
     gradient = profile[..., 2:] - profile[..., :-2]
     gradient *= 1.0 / (2.0 * _STEP_PX)
     t = t[1:-1].astype(profile.dtype)
+    near: NDArray[Any]
     near = np.clip(1.0 - np.abs(t) / (reach_px[:, None] + _STEP_PX), 0.0, None).astype(profile.dtype)
     inwards = np.matmul(gradient.sum(axis=1)[:, None, :], near[:, :, None])[:, 0, 0] < 0.0
     polarity = np.where(inwards, -1.0, 1.0)
@@ -152,12 +147,18 @@ def _curvature(points: FloatArray, normals: FloatArray) -> FloatArray:
     return np.sum(chord * turning, axis=-1) / np.maximum(np.sum(chord**2, axis=-1), 1e-12)
 
 
+def _profiles(grey: Image, points: FloatArray, normals: FloatArray, t: FloatArray) -> tuple[NDArray[Any], BoolArray]:
+    """Return the levels (m, k, l) at `points` + `t` (l,) `normals`, and which profiles lie in the image (m, k)."""
+    level, inside = sample(grey, points[:, :, None, :] + t[:, None] * normals[:, :, None, :])
+    return level, np.asarray(inside.all(axis=-1))
+
+
 def quick_profiles(
     grey: Image, points: FloatArray, normals: FloatArray, t: FloatArray
-) -> tuple[NDArray[np.float32], BoolArray]:
-    """Return the levels (m, k, l) at `points` + `t` (l,) `normals`, and which profiles lie in the image (m, k).
+) -> tuple[NDArray[Any], BoolArray]:
+    """Return what `_profiles` does, sooner and in float32.
 
-    As `sample` does, sooner and in float32; in an 8 or 16 bit image levels between pixels are rounded to whole ones.
+    In an 8 or 16 bit image levels between pixels are rounded to whole ones.
     """
     height, width = grey.shape
     number, places = points.shape[:2]
