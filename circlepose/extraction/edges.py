@@ -10,13 +10,15 @@ from circlepose.extraction.chains import Chains
 
 _BLUR_PX = 0.8
 """Enough against pixel noise; more would join the edges of discs that nearly touch."""
-_NOISE_FACTOR = 6.0
-"""High threshold in units of the median gradient, which is that of noise and texture."""
+_QUIET_SHARE = 0.25
+_NOISE_FACTOR = 9.5
+"""High threshold in units of the gradient that this share of the pixels stays below: that of noise and texture, also
+where most of an image is full of edges. (In white noise 6 times the median.)"""
 _LEAST_GRADIENT = 40.0
 """Floor of the high threshold (L1 Sobel units, 8 per grey level and px): a ramp of 5 levels a px."""
 _HYSTERESIS = 0.4
 _SAMPLES = 1 << 15
-"""Pixels of which the median gradient is taken."""
+"""About so many pixels tell the gradient of noise."""
 
 
 def edge_chains(grey8: Image, shortest: int) -> Chains:
@@ -36,5 +38,6 @@ def edge_map(grey8: Image) -> Image:
     dy = cv2.Sobel(smooth, cv2.CV_16S, 0, 1)
     apart = max(1, round(np.sqrt(grey8.size / _SAMPLES)))
     sample = np.abs(dx[::apart, ::apart].astype(np.int32)) + np.abs(dy[::apart, ::apart])
-    high = max(_NOISE_FACTOR * float(np.median(sample)), _LEAST_GRADIENT)
+    quiet = np.partition(sample.ravel(), int(_QUIET_SHARE * sample.size))[int(_QUIET_SHARE * sample.size)]
+    high = max(_NOISE_FACTOR * float(quiet), _LEAST_GRADIENT)
     return cv2.Canny(dx, dy, _HYSTERESIS * high, high)
