@@ -43,7 +43,7 @@ _NEARLY_ALL = 0.9
 _SHORTEST_OPEN = 20
 _MOST_OPEN = 400
 """Chains of one scale that enclose no ellipse and are looked at closer, the longest first."""
-_MOST_POINTS = 60_000
+_MOST_POINTS = 40_000
 """Points of chains of one scale that are cut into arcs, the longest chains first."""
 _MOST_FROM_ARCS = 80
 _LONG_PX = 15.0

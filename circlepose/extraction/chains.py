@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from circlepose._typing import BoolArray, FloatArray, IntArray
 from circlepose.conic import Ellipse
 
+_CORNERS = 64
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Chains:
@@ -81,21 +83,18 @@ class Chains:
         """Return the ellipse with the area moments (up to the second) of what each chain encloses.
 
         And (m,) the enclosed area over that of the ellipse: 1 for an ellipse, less for any other shape, about 0
-        for a chain that goes there and back. Green's theorem over the polygon of the points.
+        for a chain that goes there and back. Green's theorem over a polygon of 64 of its points.
         """
         origin = self.points[self.starts]
-        local = (self.points - np.repeat(origin, self.sizes, axis=0)).astype(np.float64)
-        following = np.empty_like(local)
-        following[:-1] = local[1:]
-        following[self.starts + self.sizes - 1] = 0.0
-        x, y = local.T
-        u, v = following.T
+        corners = self.samples(_CORNERS) - origin[:, None, :]
+        x, y = corners[..., 0], corners[..., 1]
+        following = np.roll(corners, -1, axis=1)
+        u, v = following[..., 0], following[..., 1]
         turn = x * v - u * y
-        second = [x * x + x * u + u * u, y * y + y * v + v * v, x * v + 2.0 * (x * y + u * v) + u * y]
-        terms = np.stack([turn, *(turn * term for term in (x + u, y + v, *second))], axis=1)
-        area, mx, my, xx, yy, xy = (
-            np.add.reduceat(terms, self.starts) / np.array([2.0, 6.0, 6.0, 12.0, 12.0, 24.0])
-        ).T
+        area = turn.sum(axis=1) / 2.0
+        mx, my = (np.einsum("mk,mk->m", turn, term) / 6.0 for term in (x + u, y + v))
+        xx, yy = (np.einsum("mk,mk->m", turn, p * p + p * q + q * q) / 12.0 for p, q in ((x, u), (y, v)))
+        xy = np.einsum("mk,mk->m", turn, x * v + 2.0 * (x * y + u * v) + u * y) / 24.0
         safe = np.where(np.abs(area) > 0.5, area, np.inf)
         cx, cy = mx / safe, my / safe
         xx, yy, xy = xx / safe - cx * cx, yy / safe - cy * cy, xy / safe - cx * cy

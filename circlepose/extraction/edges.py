@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from circlepose._typing import Image
 from circlepose.extraction.chains import Chains
@@ -34,10 +35,22 @@ def edge_chains(grey8: Image, shortest: int) -> Chains:
 def edge_map(grey8: Image) -> Image:
     """Return the Canny edges of `grey8` (h, w) uint8: 255 on an edge, 0 elsewhere."""
     smooth = cv2.GaussianBlur(grey8, (5, 5), _BLUR_PX)
-    dx = cv2.Sobel(smooth, cv2.CV_16S, 1, 0)
-    dy = cv2.Sobel(smooth, cv2.CV_16S, 0, 1)
-    apart = max(1, round(np.sqrt(grey8.size / _SAMPLES)))
-    sample = np.abs(dx[::apart, ::apart].astype(np.int32)) + np.abs(dy[::apart, ::apart])
-    quiet = np.partition(sample.ravel(), int(_QUIET_SHARE * sample.size))[int(_QUIET_SHARE * sample.size)]
-    high = max(_NOISE_FACTOR * float(quiet), _LEAST_GRADIENT)
-    return cv2.Canny(dx, dy, _HYSTERESIS * high, high)
+    high = max(_NOISE_FACTOR * _quiet_gradient(smooth), _LEAST_GRADIENT)
+    return cv2.Canny(smooth, _HYSTERESIS * high, high)
+
+
+def _quiet_gradient(smooth: Image) -> float:
+    """Return the gradient (L1 Sobel units) that the quieter pixels of `smooth` (h, w) stay below."""
+    if min(smooth.shape) < 3:
+        return 0.0
+    apart = max(1, round(np.sqrt(smooth.size / _SAMPLES)))
+    height, width = smooth.shape
+
+    def beside(dy: int, dx: int) -> NDArray[np.int16]:
+        return smooth[1 + dy : height - 1 + dy : apart, 1 + dx : width - 1 + dx : apart].astype(np.int16)
+
+    left, right = (beside(-1, dx) + 2 * beside(0, dx) + beside(1, dx) for dx in (-1, 1))
+    above, below = (beside(dy, -1) + 2 * beside(dy, 0) + beside(dy, 1) for dy in (-1, 1))
+    gradient = (np.abs(right - left) + np.abs(below - above)).ravel()
+    place = int(_QUIET_SHARE * gradient.size)
+    return float(np.partition(gradient, place)[place])
