@@ -80,6 +80,8 @@ class Rim:
     """standard deviation of the semi-axes, from the scatter of the edges"""
     modes_covariance: FloatArray | None = None
     """(5, 5) of the `rim_modes` of the cone's factor; None where only edges were placed, whose errors go together"""
+    score: float | None = None
+    """of the contour that it was found as; None where it was looked for at a known place"""
 
 
 def fit_rim(levels: Image, camera: Camera, contour: Contour, *, refine: bool = True) -> Rim | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import replace
 
 from circlepose._typing import Image
 from circlepose.camera import Camera
@@ -125,7 +126,7 @@ def _rims(
         if rim is None:
             rejected[Rejection.NO_POSE] += 1
         else:
-            yield rim
+            yield replace(rim, score=contour.score)
 
 
 def _lone_rims(rims: Iterator[Rim], camera: Camera, target: Target, rejected: Counter[Rejection]) -> list[Rim]:
