@@ -71,3 +71,6 @@ class Extraction:
 
     contours: tuple[Contour, ...]
     rejected: Counter[Rejection]
+    refused: Ellipse
+    """(batch) those rejected of which the edge was looked at closely, most evidence first"""
+    refused_why: tuple[Rejection, ...]

@@ -118,7 +118,8 @@ def find_contours(
         lines = without_repeats(joined_ellipses(thin[::-1]), 1.0)
         slivers = find_slivers(levels, lines, intervals, polarity, rejected)
         contours = [*slivers, *(c for c in contours if not any(same(c.ellipse, s.ellipse) for s in slivers))]
-    return Extraction(tuple(sorted(contours, key=lambda c: -c.evidence)), rejected)
+    refused = _NONE if found is None else found.ellipse[list(reasons)]
+    return Extraction(tuple(sorted(contours, key=lambda c: -c.evidence)), rejected, refused, tuple(reasons.values()))
 
 
 def _settled(found: Candidates, reasons: dict[int, Rejection]) -> BoolArray:
