@@ -81,7 +81,7 @@ def edge_drawing(grey: np.ndarray) -> np.ndarray:
 def ringgrid(grey: np.ndarray) -> np.ndarray:
     """Rings of the ringgrid target: only these, of which there are none on boards of discs."""
     module = importlib.import_module("ringgrid")
-    found = module.Detector.from_target(module.TargetLayout.default_hex()).detect_adaptive(grey)
+    found = module.Detector.from_target(module.TargetLayout.default_hex()).detect(grey)
     outer = [m.ellipse_outer for m in found.detected_markers if m.ellipse_outer is not None]
     return np.array([[e.cx, e.cy, 2.0 * max(e.a, e.b)] for e in outer]).reshape(-1, 3)
 

@@ -74,3 +74,5 @@ class Extraction:
     refused: Ellipse
     """(batch) those rejected of which the edge was looked at closely, most evidence first"""
     refused_why: tuple[Rejection, ...]
+    is_complete: bool
+    """whether the search went on to the smallest circles, and did not end with as many as were asked for"""

@@ -76,7 +76,7 @@ def find_contours(
     fewer than `enough` contours otherwise; in both cases only where a length to expect is given, as every thin
     line would be one.
     """
-    levels = grey.astype(np.float32) if grey.dtype not in (np.uint8, np.uint16) else grey
+    levels = grey if grey.dtype == np.uint8 else grey.astype(np.float32)
     range_ = float(np.ptp(levels[::8, ::8]))
     slivers_wanted = intervals.minor_px is not None and intervals.minor_px[0] < 2.0 * THIN_PX
     rejected: Counter[Rejection] = Counter()
@@ -119,7 +119,13 @@ def find_contours(
         slivers = find_slivers(levels, lines, intervals, polarity, rejected)
         contours = [*slivers, *(c for c in contours if not any(same(c.ellipse, s.ellipse) for s in slivers))]
     refused = _NONE if found is None else found.ellipse[list(reasons)]
-    return Extraction(tuple(sorted(contours, key=lambda c: -c.evidence)), rejected, refused, tuple(reasons.values()))
+    return Extraction(
+        contours=tuple(sorted(contours, key=lambda c: -c.evidence)),
+        rejected=rejected,
+        refused=refused,
+        refused_why=tuple(reasons.values()),
+        is_complete=level == 0,
+    )
 
 
 def _settled(found: Candidates, reasons: dict[int, Rejection]) -> BoolArray:
