@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -82,6 +82,8 @@ class Rim:
     """(5, 5) of the `rim_modes` of the cone's factor; None where only edges were placed, whose errors go together"""
     is_edges_only: bool = False
     """the levels were tried, and tell nothing better than the edges"""
+    score: float | None = None
+    """of the contour that it was found as; None where it was looked for at a known place"""
 
 
 def fit_rim(levels: Image, camera: Camera, contour: Contour, *, refine: bool = True) -> Rim | None:
@@ -131,7 +133,8 @@ def with_edges_placed(levels: Image, camera: Camera, rim: Rim) -> Rim | None:
         if last:
             break
         factor = cone.factor
-    return rim_from_fit(camera, cone, used.pixels, len(used) / places, rim.polarity)
+    again = rim_from_fit(camera, cone, used.pixels, len(used) / places, rim.polarity)
+    return None if again is None else replace(again, score=rim.score)
 
 
 def _place_edges(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import replace
 
 from circlepose._typing import Image
 from circlepose.camera import Camera
@@ -23,7 +24,9 @@ from circlepose.second_rim import with_second_rims
 from circlepose.solutions import circle_results
 from circlepose.solvers import METHODS
 from circlepose.solvers.solve import solve
-from circlepose.target import Target
+from circlepose.target import AxisIntervals, Target
+
+_EVERY_ONE = 1_000_000
 
 
 def estimate(
@@ -82,21 +85,9 @@ def estimate(
         camera = camera.scaled_to(size)
     intervals = axis_intervals(target, camera, size)
     lone = target.kind == "circle"
-    found = find_contours(
-        grey,
-        intervals,
-        # Of a ring target the polarity is the largest circle's.
-        target.polarity if lone else "any",
-        keep_concentric=not lone,
-        enough=target.count if lone else None,
-        extraction=extraction,
-    )
-    rejected = Counter(found.rejected)
-    remaining = iter(found.contours)
-    rims = _rims(grey, camera, remaining, refine, rejected)
     incomplete = ""
     if lone:
-        chosen = _lone_rims(rims, camera, target, rejected)
+        chosen, rejected = _sought_rims(grey, camera, target, intervals, refine, extraction)
         if refine:
             chosen = refined(grey, camera, chosen)
         circles = [
@@ -104,16 +95,38 @@ def estimate(
             for instance, rim in enumerate(chosen)
             for result in circle_results(rim, camera, methods, target.radii_mm[0], instance, "disc")
         ]
-        rejected[Rejection.BEYOND_COUNT] += sum(1 for _ in remaining)
         circles = settled_by_hints(circles, target)
     else:
-        all_rims = list(rims)
+        # Of a ring target the polarity is the largest circle's.
+        found = find_contours(grey, intervals, "any", keep_concentric=True, extraction=extraction)
+        rejected = Counter(found.rejected)
+        all_rims = list(_rims(grey, camera, iter(found.contours), refine, rejected))
         if refine:
             all_rims = refined(grey, camera, with_second_rims(grey, camera, all_rims, target))
         circles = find_ring_targets(all_rims, camera, target, methods, rejected, placed=refine)
         if any(Flag.LONE_CIRCLE in circle.flags for circle in circles):
             incomplete = contradiction(all_rims, camera, target)
     return _image_result(name, size, target, circles, rejected, incomplete)
+
+
+def _sought_rims(
+    grey: Image, camera: Camera, target: Target, intervals: AxisIntervals, refine: bool, extraction: str
+) -> tuple[list[Rim], Counter[Rejection]]:
+    """Find the rims of the circles asked for, and why other contours are none of them.
+
+    The search ends with as many contours as are asked for. Where some of these turn out not to be the target's, it
+    goes on to all there are.
+    """
+    enough = target.count
+    while True:
+        found = find_contours(grey, intervals, target.polarity, enough=enough, extraction=extraction)
+        rejected = Counter(found.rejected)
+        remaining = iter(found.contours)
+        taken = _lone_rims(_rims(grey, camera, remaining, refine, rejected), camera, target, rejected)
+        if found.is_complete or target.count is None or len(taken) >= target.count:
+            rejected[Rejection.BEYOND_COUNT] += sum(1 for _ in remaining)
+            return taken, rejected
+        enough = _EVERY_ONE
 
 
 def _rims(
@@ -125,7 +138,7 @@ def _rims(
         if rim is None:
             rejected[Rejection.NO_POSE] += 1
         else:
-            yield rim
+            yield replace(rim, score=contour.score)
 
 
 def _lone_rims(rims: Iterator[Rim], camera: Camera, target: Target, rejected: Counter[Rejection]) -> list[Rim]:

@@ -122,6 +122,8 @@ class CircleResult:
     """rms distance of the contour from the fitted rim, px"""
     rim_used: float | None = None
     """share of the rim, 0 to 1, whose edge the pose rests on; the rest is hidden, cut off or without contrast"""
+    score: float | None = None
+    """how surely the contour is a circle's rim, 0 to 1; None where the rim was looked for at a known place"""
     contour: FloatArray | None = None
     """(n, 2) px, the contour in use"""
     flags: tuple[Flag, ...] = ()

@@ -56,6 +56,7 @@ def circle_results(
             ellipse=rim.ellipse,
             residual_px=rim.cone.rms_px,
             rim_used=rim.rim_used,
+            score=rim.score,
             contour=rim.points,
         )
         if isinstance(solutions, str):

@@ -67,7 +67,10 @@ def test_statuses_explains_all_of_them(capsys):
         assert re.search(rf"^  {re.escape(name)} +{re.escape(meaning)}$", out, re.MULTILINE)
 
 
-@pytest.mark.parametrize("command", ["camera configs/calibration/opencv.yaml", "statuses"])
+@pytest.mark.parametrize(
+    "command",
+    ["camera configs/calibration/opencv.yaml", "inspect sample_images/coplanar/b.png --rings", "statuses"],
+)
 def test_sample_output_in_the_manual_is_what_is_printed(manual, command, capsys, monkeypatch, project_root):
     monkeypatch.chdir(project_root)
     assert main(command.split()) == 0

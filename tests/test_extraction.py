@@ -264,3 +264,48 @@ def test_intervals_from_radius_and_depth_hold_the_frontal_circle():
 
 def test_no_interval_without_a_depth_range():
     assert axis_intervals(Target.circle(50.0), CAMERA, (640, 480)).major_px is None
+
+
+def test_the_score_is_the_share_of_a_clean_rim():
+    truth = ellipse()
+    (whole,) = find_contours(draw(truth, noise=1.0), FREE).contours
+    assert whole.score > 0.95
+    hidden = find_contours(covered(draw(truth, noise=1.0), truth, 20.0, 160.0, 140), FREE).contours[0]
+    assert 0.5 < hidden.score < 0.75
+    assert hidden.score <= hidden.rim_used
+
+
+def test_a_spot_that_is_not_quite_round_scores_less():
+    angle = np.linspace(0.0, 2.0 * np.pi, 240, endpoint=False)
+    scores = {}
+    for name, radius, wobble, center in (
+        ("even spot", 5.0, 0.0, (60.4, 60.3)),
+        ("odd spot", 5.0, 0.12, (60.4, 180.3)),
+        ("disc", 60.0, 0.0, (220.0, 120.0)),
+    ):
+        rim = radius * (1.0 + wobble * np.cos(3.0 * angle))
+        polygon = np.stack([center[0] + rim * np.cos(angle), center[1] + rim * np.sin(angle)], axis=-1)
+        canvas = np.full((960, 1280), 200, np.uint8)
+        cv2.fillPoly(canvas, [np.rint(16.0 * (4.0 * polygon + 1.5)).astype(np.int32)], 40, cv2.LINE_AA, 4)
+        image = cv2.GaussianBlur(
+            cv2.resize(canvas, None, fx=0.25, fy=0.25, interpolation=cv2.INTER_AREA), (0, 0), 0.7
+        )
+        found = find_contours(image, FREE).contours
+        scores[name] = max((c.score for c in found), default=0.0)
+    assert scores["disc"] > 0.95
+    assert scores["even spot"] > 0.7
+    assert scores["odd spot"] < 0.5
+    assert scores["odd spot"] < scores["even spot"]
+
+
+def test_the_search_ends_with_as_many_as_asked_for_when_no_smaller_one_could_be_more_evident():
+    big, small = ellipse(x=500.0, y=400.0, a=200.0, b=150.0), ellipse(x=1000.0, y=200.0, a=5.0, b=5.0)
+    image = draw(big, small, size=(1280, 960), noise=1.0)
+    one = find_contours(image, FREE, enough=1)
+    assert not one.is_complete
+    assert len(one.contours) == 1
+    everything = find_contours(image, FREE)
+    assert everything.is_complete
+    assert len(everything.contours) == 2
+    assert find_contours(image, FREE, enough=2).is_complete
+    np.testing.assert_allclose(one.contours[0].ellipse.center, everything.contours[0].ellipse.center, atol=0.05)

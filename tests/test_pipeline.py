@@ -305,3 +305,15 @@ def test_tilts(tilt_deg):
     assert measured.position_mm < 0.6
     # A tilt is seen in the cosine of itself, which hardly changes near 0.
     assert measured.normal_deg < (2.5 if tilt_deg < 2.0 else 0.3)
+
+
+def test_the_search_goes_on_where_the_most_evident_circle_is_too_near():
+    """A large disc in front is found first, in a reduced image; the one in the depth range is small."""
+    camera = Camera.create([[1200.0, 0, 639.5], [0, 1200.0, 479.5], [0, 0, 1]], (), (1280, 960))
+    near = Disc(np.array([-60.0, 0.0, 420.0]), np.array([0.3, 0.0, -0.954]), 60.0, Paint(40.0))
+    far = Disc(np.array([700.0, 300.0, 2600.0]), np.array([0.0, 0.3, -0.954]), 60.0, Paint(40.0))
+    image = render(Scene(camera, (near, far), Paint(200.0), noise_levels=2.0, noise_seed=3))
+    result = circlepose.estimate(image, camera, Target.circle(60.0, depth_range_mm=(400.0, 3000.0)))
+    assert result.circles[0].candidates[0].center[2] == pytest.approx(420.0, rel=0.01)
+    result = circlepose.estimate(image, camera, Target.circle(60.0, depth_range_mm=(470.0, 3000.0)))
+    assert result.circles[0].candidates[0].center[2] == pytest.approx(2600.0, rel=0.02)

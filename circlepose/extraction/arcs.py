@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Self
+
 import numpy as np
 
-from circlepose._typing import FloatArray
+from circlepose._typing import BoolArray, FloatArray, IntArray
+from circlepose.extraction.chains import Chains
 
+SAMPLES = 16
+"""Points that stand for an arc."""
 _SPAN = 6
 """Points on either side over which a chain's turning is measured."""
 _CORNER_RAD = np.radians(22.0)
@@ -13,37 +19,92 @@ _CORNER_TURNS = 1.5
 """A corner turns by more than the first, and so many times what a circle as long as the chain would."""
 _BEND_RAD = np.radians(14.0)
 """Turning that the pixel grid alone does not make."""
-_SHORTEST_CHAIN = 60
+SHORTEST_CHAIN = 60
 _SHORTEST_ARC = 20
+_TWIN_PX = 2.0
+_TWIN_SHARE = 0.1
 
 
-def arcs(chain: FloatArray) -> list[FloatArray]:
-    """Cut a closed chain (n, 2) into arcs that bend one way only; empty when it has no place to cut.
+@dataclass(frozen=True, slots=True, eq=False)
+class Arcs:
+    """A batch of m arcs that bend one way only."""
+
+    samples: FloatArray
+    """(m, 16, 2) px, evenly along each"""
+    lengths: FloatArray
+    """(m,) px"""
+
+    def __len__(self) -> int:
+        return len(self.lengths)
+
+    def __getitem__(self, which: IntArray | BoolArray) -> Self:
+        """Return the arcs that `which` names."""
+        return type(self)(self.samples[which], self.lengths[which])
+
+    def longest(self, most: int) -> Self:
+        """Return the `most` longest, longest first, without those that run along another: an edge has two sides."""
+        ranked = self[np.argsort(-self.lengths, kind="stable")[: 2 * most]]
+        middles = ranked.samples.mean(axis=1)
+        near = np.max(np.abs(middles[:, None, :] - middles[None, :, :]), axis=-1) < _TWIN_PX
+        twins = near & (ranked.lengths[None, :] - ranked.lengths[:, None] <= _TWIN_SHARE * ranked.lengths[None, :])
+        return ranked[np.flatnonzero(~np.tril(twins, -1).any(axis=1))[:most]]
+
+
+def arcs_of(chains: Chains) -> Arcs:
+    """Cut closed chains into arcs; a chain that has no place to cut gives none.
 
     The points next to a cut, which belong to the corner, are left out.
     """
-    if len(chain) < _SHORTEST_CHAIN:
-        return []
-    cuts = _cuts(chain)
-    if len(cuts) == 0:
-        return []
-    rolled = np.roll(chain, -cuts[0], axis=0)
-    pieces = np.split(rolled, cuts[1:] - cuts[0])
-    trimmed = [piece[_SPAN // 2 : len(piece) - _SPAN // 2] for piece in pieces]
-    return [piece for piece in trimmed if len(piece) >= _SHORTEST_ARC]
+    chains = chains[chains.sizes >= SHORTEST_CHAIN]
+    if len(chains) == 0:
+        return Arcs(np.empty((0, SAMPLES, 2)), np.empty(0))
+    cuts = np.flatnonzero(_is_cut(chains))
+    owner = chains.owner[cuts]
+    starts, sizes = chains.starts[owner], chains.sizes[owner]
+    # From each cut to the next of the same chain, from the last one on to the first.
+    following = np.append(cuts[1:], 0)
+    last = np.append(owner[1:] != owner[:-1], True) if len(owner) else np.empty(0, np.bool_)
+    first = np.searchsorted(owner, owner, side="left")
+    following[last] = cuts[first[last]] + sizes[last]
+    begin, number = cuts + _SPAN // 2, following - cuts - 2 * (_SPAN // 2)
+    long = number >= _SHORTEST_ARC
+    begin, number, starts, sizes = begin[long], number[long], starts[long], sizes[long]
+    steps = np.round(np.linspace(0.0, 1.0, SAMPLES)[None, :] * (number[:, None] - 1)).astype(np.int64)
+    rows = starts[:, None] + (begin[:, None] - starts[:, None] + steps) % sizes[:, None]
+    samples = chains.points[rows].astype(np.float64)
+    return Arcs(samples, np.linalg.norm(np.diff(samples, axis=1), axis=-1).sum(axis=1))
 
 
-def _cuts(chain: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
-    before = chain - np.roll(chain, _SPAN, axis=0)
-    after = np.roll(chain, -_SPAN, axis=0) - chain
+def _is_cut(chains: Chains) -> BoolArray:
+    """Tell (n,) at which points chains turn a corner, or begin to bend the other way."""
+    points = chains.points.astype(np.float64)
+    starts, sizes = np.repeat(chains.starts, chains.sizes), np.repeat(chains.sizes, chains.sizes)
+    place = np.arange(len(points)) - starts
+
+    def shifted(by: int) -> IntArray:
+        moved = place + by
+        moved[moved < 0] += sizes[moved < 0]
+        over = moved >= sizes
+        moved[over] -= sizes[over]
+        return moved + starts
+
+    before = points - points[shifted(-_SPAN)]
+    after = points[shifted(_SPAN)] - points
     turn = np.arctan2(
         before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0],
         before[:, 0] * after[:, 0] + before[:, 1] * after[:, 1],
     )
     size = np.abs(turn)
-    neighbours = np.max([np.roll(size, k) for k in range(-_SPAN, _SPAN + 1)], axis=0)
-    sharp = _CORNER_RAD + _CORNER_TURNS * 2.0 * np.pi * _SPAN / len(chain)
-    corner = (size > sharp) & (size == neighbours)
+    sharp = np.flatnonzero(size > _CORNER_RAD + _CORNER_TURNS * 2.0 * np.pi * _SPAN / sizes)
+    around = (place[sharp][:, None] + np.arange(-_SPAN, _SPAN + 1)) % sizes[sharp][:, None] + starts[sharp][:, None]
+    cut = np.zeros(len(points), dtype=np.bool_)
+    cut[sharp[size[sharp] == size[around].max(axis=1)]] = True
     bends = np.flatnonzero(size > _BEND_RAD)
-    flips = bends[np.sign(turn[bends]) != np.sign(turn[np.roll(bends, 1)])] if len(bends) else bends
-    return np.unique(np.concatenate([np.flatnonzero(corner), flips]))
+    # The bend before, of the same chain: of its first, the last.
+    before_it = np.roll(bends, 1)
+    chain = chains.owner[bends]
+    firsts = np.flatnonzero(np.append(True, chain[1:] != chain[:-1])) if len(bends) else bends
+    lasts = np.append(firsts[1:], len(bends)) - 1
+    before_it[firsts] = bends[lasts] if len(bends) else before_it[firsts]
+    cut[bends[np.sign(turn[bends]) != np.sign(turn[before_it])]] = True
+    return cut

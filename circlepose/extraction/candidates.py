@@ -1,101 +1,250 @@
-"""Edge chains -> rough ellipses, all chains of one image at once."""
+"""One scale of an image -> rough ellipses, all edge chains at once, without those of rims that are known."""
 
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import fields
 
+import cv2
 import numpy as np
 
-from circlepose._typing import BoolArray, FloatArray, Image
+from circlepose._typing import BoolArray, FloatArray, Image, IntArray
 from circlepose.conic import Ellipse, rim_distance
 from circlepose.extraction import EXTRACTIONS
-from circlepose.extraction.arcs import arcs
+from circlepose.extraction.arcs import SHORTEST_CHAIN, Arcs, arcs_of
+from circlepose.extraction.chains import Chains
 from circlepose.extraction.coincidence import border_chains
 from circlepose.extraction.contour import Rejection
-from circlepose.extraction.edges import edge_chains, pyramid
-from circlepose.extraction.grouping import joined_arcs
-from circlepose.fitting.direct import Contours, fit_ellipses
+from circlepose.extraction.edges import edge_chains
+from circlepose.extraction.grouping import MOST_ARCS, bulging, joined_arcs
+from circlepose.extraction.pyramid import to_full_size, to_reduced
+from circlepose.extraction.quick_fit import fit_each
 from circlepose.target import AxisIntervals
 
-_LEVELS = 2
-"""Full and half size: grain that breaks an edge at full size is gone at half."""
 _SHORTEST = 12
 """Points in the shortest chain of interest: the border of a circle 5 px across."""
+_LEAST_EXTENT = 8
+"""px of a reduced image; what is smaller is left to the next finer one."""
 _SLACK_PX = 4.0
 """How far an axis of a rough ellipse may be from that of the edge in the end."""
+_LEAST_FULLNESS = 0.9
+"""Area within a closed chain, as a share of that of its ellipse, from which it may be one."""
+_SAMPLES = 32
 _ROUGH_RMS_PX = 1.0
 _ROUGH_RMS_SHARE = 0.03
 """A chain may stray this far (px, or share of the minor axis) and still be worth a closer look."""
+_CLOSE_RMS_PX = 0.6
+_CLOSE_RMS_SHARE = 0.01
+"""One that strays no more is of the ellipse and nothing else."""
 _TRIMS = 3
 _LEAST_RIM = 0.35
+_MOSTLY = 0.6
+_NEARLY_ALL = 0.9
+_SHORTEST_OPEN = 20
+_MOST_OPEN = 400
+"""Chains of one scale that enclose no ellipse and are looked at closer, the longest first."""
+_MOST_POINTS = 40_000
+"""Points of chains of one scale that are cut into arcs, the longest chains first."""
+_MOST_FROM_ARCS = 80
 _LONG_PX = 15.0
 """Semi-major axis from which a line may be a circle seen edge-on."""
+_EXPLAINED = 0.7
+"""Share of a chain on known rims from which there is nothing new in it."""
+_TWIN_AREA = 0.25
+_CORNERS = 48
+"""Of the polygon that stands for a known rim."""
+_LEAST_RATIO = 0.1
+"""Axis ratio from which a chain that encloses nothing may be of a circle where none edge-on is looked for."""
 
 
 def rough_ellipses(
-    grey8: Image, intervals: AxisIntervals, extraction: str = EXTRACTIONS[0]
-) -> tuple[Ellipse, Counter[Rejection]]:
-    """Return the ellipses (batch, full-size px) that chains of edges suggest, and the chains passed over."""
-    chains_of = border_chains if extraction == "coincidence" else edge_chains
-    rejected: Counter[Rejection] = Counter()
-    parts = []
-    for level, image in enumerate(pyramid(grey8, _LEVELS)):
-        scale = 2.0**level
-        chains = chains_of(image, _SHORTEST)
-        shortest, longest = _extents(intervals, scale, image)
-        extents = [float(np.max(np.ptp(chain, axis=0))) for chain in chains]
-        large = [chain for chain, extent in zip(chains, extents, strict=True) if extent >= shortest]
-        rejected[Rejection.TOO_SHORT] += len(chains) - len(large)
-        # A chain that is too long has merged with something, or is none; its arcs may still be of a rim.
-        whole = [chain for chain, extent in zip(chains, extents, strict=True) if shortest <= extent <= longest]
-        pieces = [arc for chain in large for arc in arcs(chain)]
-        hypotheses = [*whole, *pieces, *joined_arcs(pieces, longest)]
-        if hypotheses:
-            found = _fit(Contours.of(hypotheses), rejected)
-            # pyrDown keeps pixel centres: (0, 0) stays (0, 0).
-            parts.append((found.center * scale, found.semi_major * scale, found.semi_minor * scale, found.angle))
-    if not parts:
-        return Ellipse(np.empty((0, 2)), np.empty(0), np.empty(0), np.empty(0)), rejected
-    center, semi_major, semi_minor, angle = (np.concatenate(columns) for columns in zip(*parts, strict=True))
-    found = Ellipse(center, semi_major, semi_minor, angle)
-    major_ok = _within(2.0 * found.semi_major, intervals.major_px)
-    minor_ok = _within(2.0 * found.semi_minor, intervals.minor_px)
+    image: Image,
+    scale: float,
+    intervals: AxisIntervals,
+    known: Ellipse,
+    rejected: Counter[Rejection],
+    extraction: str = EXTRACTIONS[0],
+) -> Ellipse:
+    """Return the ellipses (batch, full-size px) that edge chains of `image`, reduced by `scale`, suggest.
+
+    Chains along the rims `known` (batch, full-size px) suggest nothing new. Chains passed over are counted in
+    `rejected`.
+    """
+    chains = (border_chains if extraction == "coincidence" else edge_chains)(image, _SHORTEST)
+    extents = chains.extents()
+    shortest, longest = _extents(intervals, scale, image)
+    large = extents >= shortest
+    rejected[Rejection.TOO_SHORT] += int(np.sum(~large))
+    on_known = _rims_drawn(known, scale, image)
+    if on_known is not None and len(chains):
+        explained = chains.shares(on_known[chains.points[:, 1], chains.points[:, 0]]) >= _EXPLAINED
+        rejected[Rejection.DUPLICATE] += int(np.sum(explained & large))
+        large &= ~explained
+    whole = large & (extents <= longest)
+    closed, is_closed, is_settled = _closed(chains, whole)
+    rest = np.flatnonzero(large & ~is_closed)
+    opened, clean, fits = _opened(chains, rest, whole[rest], 0.0 if intervals.major_px else _LEAST_RATIO)
+    is_settled[rest[clean]] = True
+    # A chain that strays, or is too long, has merged with something, or is none; its arcs may still be of a rim.
+    pieces = _pieces(chains, np.flatnonzero(large & ~is_settled), on_known, lines=intervals.major_px is not None)
+    from_arcs = _from_arcs(pieces, longest)
+    rejected[Rejection.NOT_ELLIPTICAL] += int(np.sum(~fits))
+    found = joined_ellipses([closed, opened, from_arcs])
+    found = Ellipse(
+        to_full_size(found.center, scale), found.semi_major * scale, found.semi_minor * scale, found.angle
+    )
+    major_ok = _within(2.0 * found.semi_major, intervals.major_px, scale)
+    minor_ok = _within(2.0 * found.semi_minor, intervals.minor_px, scale)
     rejected[Rejection.MAJOR_AXIS] += int(np.sum(~major_ok))
     rejected[Rejection.MINOR_AXIS] += int(np.sum(major_ok & ~minor_ok))
-    return found[major_ok & minor_ok], rejected
+    return found[major_ok & minor_ok]
+
+
+def joined_ellipses(batches: list[Ellipse]) -> Ellipse:
+    """Return the ellipses of all batches as one."""
+    return Ellipse(*(np.concatenate([getattr(e, field.name) for e in batches]) for field in fields(Ellipse)))
 
 
 def _extents(intervals: AxisIntervals, scale: float, image: Image) -> tuple[float, float]:
     """Return the smallest and largest extent (px of a reduced `image`) that a rim's chain can have."""
+    least = _LEAST_EXTENT if scale > 1.0 else 0.0
     if intervals.major_px is None:
-        return 0.0, 1.5 * max(image.shape)
+        return least, 1.5 * max(image.shape)
     low, high = intervals.major_px
     # An ellipse's box is at least major/sqrt(2) wide; a chain of part of a rim may be half that.
-    return (0.35 * low - _SLACK_PX) / scale, (1.1 * high + 2.0 * _SLACK_PX) / scale
+    return max((0.35 * low - _SLACK_PX) / scale, least), (1.1 * high + 2.0 * _SLACK_PX) / scale
 
 
-def _fit(chains: Contours, rejected: Counter[Rejection]) -> Ellipse:
-    """Fit all chains, letting go of stray points over a few rounds."""
-    weights = np.ones(len(chains.points))
-    owner = chains.owner
+def _rims_drawn(known: Ellipse, scale: float, image: Image) -> BoolArray | None:
+    """Return (h, w) what lies on the rims `known`, None where there are none."""
+    if len(known) == 0:
+        return None
+    drawn = np.zeros(image.shape, np.uint8)
+    reduced = Ellipse(
+        to_reduced(known.center, scale), known.semi_major / scale, known.semi_minor / scale, known.angle
+    )
+    # OpenCV's fixed point: four bits of fraction.
+    rims = np.rint(16.0 * reduced.points(_CORNERS).clip(-1e6, 1e6)).astype(np.int32)
+    cv2.polylines(drawn, list(rims), True, 1, 3, cv2.LINE_8, 4)
+    return drawn.view(np.bool_)
+
+
+def _closed(chains: Chains, whole: BoolArray) -> tuple[Ellipse, BoolArray, BoolArray]:
+    """Return the ellipses that chains enclose, one for each edge, which (m,) enclose one, and which closely."""
+    index = np.flatnonzero(whole)
+    parent = chains.parents[index]
+    chosen = chains[index]
+    if len(index) == 0:
+        return _no_ellipses(), np.zeros(len(chains), np.bool_), np.zeros(len(chains), np.bool_)
+    ellipse, fullness = chosen.moment_ellipses()
+    good = np.abs(fullness - 1.0) <= 1.0 - _LEAST_FULLNESS
+    good &= ellipse.semi_minor >= 1.0
+    kept = np.flatnonzero(good)
+    distance = rim_distance(ellipse[kept], chosen.samples(_SAMPLES)[kept])
+    rms = np.sqrt(np.mean(distance**2, axis=1))
+    good[kept] = rms < _near(ellipse[kept])
+    is_closed, is_settled = np.zeros(len(chains), np.bool_), np.zeros(len(chains), np.bool_)
+    is_closed[index[good]] = True
+    is_settled[index[kept[rms < _closely(ellipse[kept])]]] = True
+    # The hole within an edge is the same edge again.
+    area = np.zeros(len(chains))
+    area[index] = ellipse.semi_major * ellipse.semi_minor
+    twin = (parent >= 0) & is_closed[parent] & (area[index] > (1.0 - _TWIN_AREA) * area[parent])
+    return ellipse[good & ~twin], is_closed, is_settled
+
+
+def _opened(
+    chains: Chains, rest: IntArray, whole: BoolArray, least_ratio: float
+) -> tuple[Ellipse, BoolArray, BoolArray]:
+    """Fit ellipses to chains that enclose none: with gaps, or merged with something.
+
+    Returns the ellipses, which chains of `rest` lie on one closely, and which have one.
+    """
+    settled, fits = np.zeros(len(rest), np.bool_), np.zeros(len(rest), np.bool_)
+    index = np.flatnonzero(whole & (chains.sizes[rest] >= _SHORTEST_OPEN))
+    index = index[np.argsort(-chains.sizes[rest[index]], kind="stable")[:_MOST_OPEN]]
+    if len(index) == 0:
+        return _no_ellipses(), settled, fits
+    chosen = chains[rest[index]]
+    samples = chosen.samples(_SAMPLES)
+    ellipse, good, _ = _trimmed(samples, chosen.sizes.astype(np.float64))
+    distance = np.abs(rim_distance(ellipse, samples))
+    # With less of it on the ellipse its arcs say more.
+    good &= np.mean(distance < _near(ellipse)[:, None], axis=1) >= _MOSTLY
+    good &= ellipse.semi_minor >= least_ratio * ellipse.semi_major
+    settled[index] = good & (np.mean(distance < 2.0 * _closely(ellipse)[:, None], axis=1) >= _NEARLY_ALL)
+    fits[index] = good
+    return ellipse[good], settled, fits
+
+
+def _trimmed(samples: FloatArray, lengths: FloatArray) -> tuple[Ellipse, BoolArray, FloatArray]:
+    """Fit each row of `samples` (m, k, 2), letting go of stray points; returns also which fit, with which share."""
+    weights = np.ones(samples.shape[:2])
     for _ in range(_TRIMS):
-        ellipse, found = fit_ellipses(chains, weights)
-        distance = np.abs(rim_distance(ellipse[owner], chains.points[:, None, :])[:, 0])
-        spread = np.sqrt(chains.total(weights * distance**2) / np.maximum(chains.total(weights), 1e-9))
-        scale = np.maximum(1.5 * spread, 0.7)[owner]
+        ellipse, found = fit_each(samples, weights)
+        distance = np.abs(rim_distance(ellipse, samples))
+        spread = np.sqrt(np.sum(weights * distance**2, axis=1) / np.maximum(weights.sum(axis=1), 1e-9))
+        scale = np.maximum(1.5 * spread, 0.7)[:, None]
         weights = 1.0 / (1.0 + (distance / scale) ** 2) ** 2
-    near = np.maximum(_ROUGH_RMS_PX, _ROUGH_RMS_SHARE * 2.0 * ellipse.semi_minor)
-    on_rim = chains.total((distance < 2.0 * near[owner]).astype(np.float64))
+    share = np.mean(distance < 2.0 * _near(ellipse)[:, None], axis=1)
     # A shorter arc says too little of the rest of the rim.
     perimeter = np.pi * (ellipse.semi_major + ellipse.semi_minor)
-    good = (
-        found & (on_rim >= _LEAST_RIM * perimeter) & ((ellipse.semi_minor >= 1.0) | (ellipse.semi_major >= _LONG_PX))
-    )
-    rejected[Rejection.NOT_ELLIPTICAL] += len(found) - int(np.sum(good))
-    return ellipse[good]
+    good = found & (share * lengths >= _LEAST_RIM * perimeter)
+    return ellipse, good & ((ellipse.semi_minor >= 1.0) | (ellipse.semi_major >= _LONG_PX)), share
 
 
-def _within(length_px: FloatArray, interval: tuple[float, float] | None) -> BoolArray:
+def _pieces(chains: Chains, rest: IntArray, on_known: BoolArray | None, *, lines: bool) -> Arcs:
+    """Return the arcs of the longest chains of `rest`, but for those along known rims and straight ones.
+
+    With `lines` these too: they may be sides of a circle seen edge-on.
+    """
+    rest = rest[chains.sizes[rest] >= SHORTEST_CHAIN]
+    rest = rest[np.argsort(-chains.sizes[rest], kind="stable")]
+    sizes = chains.sizes[rest]
+    arcs = arcs_of(chains[rest[np.cumsum(sizes) - sizes < _MOST_POINTS]])
+    if len(arcs) == 0:
+        return arcs
+    if not lines:
+        arcs = arcs[bulging(arcs)]
+    if on_known is not None:
+        x, y = arcs.samples.astype(np.int64).transpose(2, 0, 1)
+        arcs = arcs[on_known[y, x].mean(axis=1) < _EXPLAINED]
+    return arcs.longest(MOST_ARCS)
+
+
+def _from_arcs(arcs: Arcs, longest: float) -> Ellipse:
+    """Return the ellipses of single arcs and of those that lie on one, the fullest."""
+    if len(arcs) == 0:
+        return _no_ellipses()
+    single, good, share = _trimmed(arcs.samples, arcs.lengths)
+    cover = share * arcs.lengths / (np.pi * (single.semi_major + single.semi_minor))
+    joined, joined_cover = joined_arcs(arcs[bulging(arcs)], longest)
+    found = joined_ellipses([single[good], joined])
+    ranked = found[np.argsort(-np.concatenate([cover[good], joined_cover]), kind="stable")]
+    return without_repeats(ranked, 1.0)[:_MOST_FROM_ARCS]
+
+
+def without_repeats(ellipse: Ellipse, near_px: float) -> Ellipse:
+    """Drop ellipses that repeat an earlier one of the batch, most of them: same to `near_px` on a grid of that."""
+    key = np.column_stack([ellipse.center, ellipse.semi_major, ellipse.semi_minor])
+    _, first = np.unique(np.round(key / (2.0 * near_px)).astype(np.int64), axis=0, return_index=True)
+    return ellipse[np.sort(first)]
+
+
+def _near(ellipse: Ellipse) -> FloatArray:
+    return np.maximum(_ROUGH_RMS_PX, _ROUGH_RMS_SHARE * 2.0 * ellipse.semi_minor)
+
+
+def _closely(ellipse: Ellipse) -> FloatArray:
+    return np.maximum(_CLOSE_RMS_PX, _CLOSE_RMS_SHARE * ellipse.semi_major)
+
+
+def _no_ellipses() -> Ellipse:
+    return Ellipse(np.empty((0, 2)), np.empty(0), np.empty(0), np.empty(0))
+
+
+def _within(length_px: FloatArray, interval: tuple[float, float] | None, scale: float) -> BoolArray:
     if interval is None:
         return np.ones(len(length_px), dtype=np.bool_)
-    return (length_px >= interval[0] - _SLACK_PX) & (length_px <= interval[1] + _SLACK_PX)
+    slack = _SLACK_PX + scale - 1.0
+    return (length_px >= interval[0] - slack) & (length_px <= interval[1] + slack)

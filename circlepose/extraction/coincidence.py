@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 
 from circlepose._typing import FloatArray, Image, IntArray
+from circlepose.extraction.chains import Chains
 from circlepose.extraction.edges import edge_map
 
 _THRESHOLDS = 16
@@ -20,8 +21,8 @@ _NEST_PX = 3.0
 _NEST_SHARE = 0.06
 
 
-def border_chains(grey8: Image, shortest: int) -> list[FloatArray]:
-    """Return the best border of each nest in `grey8` (h, w) uint8, (n, 2) px in order, n >= `shortest`."""
+def border_chains(grey8: Image, shortest: int) -> Chains:
+    """Return the best border of each nest in `grey8` (h, w) uint8 with at least `shortest` points."""
     on_edge = cv2.dilate(edge_map(grey8), np.ones((3, 3), np.uint8)) > 0
     smooth = cv2.GaussianBlur(grey8, (3, 3), 0.0)
     borders: list[IntArray] = []
@@ -37,7 +38,8 @@ def border_chains(grey8: Image, shortest: int) -> list[FloatArray]:
             if score >= _LEAST_SCORE:
                 borders.append(points)
                 scores.append(score)
-    return [borders[i].astype(np.float64) for i in _best_of_nests(borders, np.array(scores))]
+    best = [borders[i][:, None, :].astype(np.int32) for i in _best_of_nests(borders, np.array(scores))]
+    return Chains.of_borders(best, None, shortest)
 
 
 def _thresholds(grey8: Image) -> FloatArray:

@@ -24,6 +24,7 @@ class Rejection(StrEnum):
     TOO_LITTLE_RIM = "too little of the ellipse's rim stands on an edge"
     WEAK_EDGE = "edge hardly above the noise"
     RAGGED = "edge departs too far from an ellipse"
+    UNLIKE_A_RIM = "edge strays and varies more than the rim of a circle so small"
     POLARITY = "brighter or darker inside than asked for"
     DUPLICATE = "same edge as a contour kept"
     INSIDE_ANOTHER = "concentric with and inside a larger contour"
@@ -51,6 +52,8 @@ class Contour:
     """rms distance of the points from the ellipse"""
     evidence: float
     """what contours are ranked by: edge height summed along the rim, less for a ragged one"""
+    score: float
+    """how surely it is a circle's rim, 0 to 1: `rim_used`, less where the edge strays or varies"""
 
     @property
     def kept_because(self) -> str:
@@ -58,7 +61,7 @@ class Contour:
         side = "darker" if self.polarity > 0 else "brighter"
         return (
             f"{self.rim_used:.0%} of its rim on an edge of {self.step:.0f} levels, {side} inside, "
-            f"{self.residual_px:.2f} px from an ellipse"
+            f"{self.residual_px:.2f} px from an ellipse, score {self.score:.2f}"
         )
 
 
@@ -68,3 +71,8 @@ class Extraction:
 
     contours: tuple[Contour, ...]
     rejected: Counter[Rejection]
+    refused: Ellipse
+    """(batch) those rejected of which the edge was looked at closely, most evidence first"""
+    refused_why: tuple[Rejection, ...]
+    is_complete: bool
+    """whether the search went on to the smallest circles, and did not end with as many as were asked for"""

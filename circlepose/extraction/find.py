@@ -1,4 +1,8 @@
-"""Grey image -> contours that are worth a pose, each verified on the grey levels along its rim."""
+"""Grey image -> contours that are worth a pose, each verified on the grey levels along its rim.
+
+From coarse to fine: a reduced image shows large circles at little cost, and what it has shown is not looked for
+again in the finer ones. Edges are placed in the full image, but only along candidates.
+"""
 
 from __future__ import annotations
 
@@ -6,29 +10,41 @@ from collections import Counter
 
 import numpy as np
 
-from circlepose._typing import BoolArray, Image
+from circlepose._typing import BoolArray, Image, IntArray
 from circlepose.conic import Ellipse, rim_distance
 from circlepose.extraction import EXTRACTIONS
-from circlepose.extraction.candidates import rough_ellipses
-from circlepose.extraction.contour import Contour, Extraction, Rejection
+from circlepose.extraction.candidates import joined_ellipses, rough_ellipses, without_repeats
+from circlepose.extraction.contour import Extraction, Rejection
 from circlepose.extraction.grey import eight_bit
-from circlepose.extraction.partial import PartialRim, in_runs, partial_rim
-from circlepose.extraction.rim import RimEdges, edges_along
+from circlepose.extraction.partial import PartialRim, in_runs, partial_rims
+from circlepose.extraction.pyramid import pyramid
+from circlepose.extraction.repeats import inside_others, repeats, same
+from circlepose.extraction.rim import edges_along
+from circlepose.extraction.rim_fit import fit_offsets
 from circlepose.extraction.slivers import find_slivers
-from circlepose.extraction.verify import Candidates
-from circlepose.fitting.direct import Contours, fit_ellipses
+from circlepose.extraction.verify import REASONS, Candidates, are_hopeless
 from circlepose.fitting.thin_ellipse import THIN_PX, are_thin
 from circlepose.target import AxisIntervals, Polarity
 
-_FIRST_REACH_PX = 4.0
+_REACH_PX = 3.5
+_REACH_PER_SCALE = 0.5
+"""A rough ellipse from a reduced image is off by more."""
 _LAST_REACH_PX = 2.5
+_FIRST_PLACES = 36
 _PLACES = 72
 """Places along the rim at which a candidate is verified."""
 _LEAST_EDGES = 0.27
 """Share of the places along a candidate that must have an edge."""
+_SMALL_PX = 12.0
+_LEAST_SMALL = 0.5
+"""The same of small ones, of which no hidden part is made up."""
+_LONGEST = 4.0
+"""Times its length before that an ellipse may have, moved to its edges."""
+_NEAR_PX = 1.0
+_NEAR_SHARE = 0.01
 _LEAST_STEP = 0.012
 """Lowest edge, as a share of the grey range in use."""
-_LEAST_KIN = 0.2
+_LEAST_KIN = 0.3
 """Edges weaker than this share of the typical one of the image's circles are none of the kind."""
 _LEAST_IN_RUNS = 0.3
 """Share of a candidate's rim that must agree in long runs to look for the rest of a partly hidden one."""
@@ -38,6 +54,10 @@ _MOST_EXPLAINED = 0.3
 """Share of a partly hidden rim that may stand on the edges of rims that are seen whole, or nearly."""
 _MOST_PARTIAL = 6
 """Candidates of one image so looked at, the most evident first."""
+_SEEN_PX = 20.0
+"""A circle as large in a reduced image is found there."""
+_SLIVER_LEVELS = 2
+"""Full and half size: the two sides of a sliver are one in smaller images."""
 
 
 def find_contours(
@@ -50,88 +70,121 @@ def find_contours(
 ) -> Extraction:
     """Find all contours in `grey` (h, w) whose ellipse's axes lie within `intervals`, most evidence first.
 
-    `keep_concentric` also returns contours inside others of the same centre (rings). Slivers, circles seen
+    `keep_concentric` also returns contours inside others of the same centre (rings). With `enough` the search ends
+    when as many have more evidence than any smaller circle could have. Slivers, circles seen
     nearly edge-on, are looked for when the minor axis may be that small by its own interval, or when there are
     fewer than `enough` contours otherwise; in both cases only where a length to expect is given, as every thin
     line would be one.
     """
-    rough, rejected = rough_ellipses(eight_bit(grey), intervals, extraction)
-    levels = grey.astype(np.float32) if grey.dtype != np.uint8 else grey
-    rough = _without_repeats(rough)
-    # Only where there is a length to expect: every thin line would be a circle seen edge-on.
-    thin = are_thin(rough) if intervals.major_px is not None else np.zeros(len(rough), dtype=np.bool_)
-    contours = _find_open(levels, rough[~thin], intervals, polarity, keep_concentric, enough, rejected)
-    if (intervals.minor_px is not None and intervals.minor_px[0] < 2.0 * THIN_PX) or (
-        enough is not None and len(contours) < enough
-    ):
-        slivers = find_slivers(levels, rough[thin], intervals, polarity, rejected)
-        contours = [*slivers, *(c for c in contours if not any(_same(c.ellipse, s.ellipse) for s in slivers))]
-    return Extraction(tuple(sorted(contours, key=lambda c: -c.evidence)), rejected)
+    levels = grey if grey.dtype == np.uint8 else grey.astype(np.float32)
+    range_ = float(np.ptp(levels[::8, ::8]))
+    slivers_wanted = intervals.minor_px is not None and intervals.minor_px[0] < 2.0 * THIN_PX
+    rejected: Counter[Rejection] = Counter()
+    found: Candidates | None = None
+    kept: list[int] = []
+    reasons: dict[int, Rejection] = {}
+    thin = []
+
+    def select(candidates: Candidates) -> tuple[list[int], dict[int, Rejection]]:
+        return _selected(candidates, intervals, polarity, _LEAST_STEP * range_ + 1e-9, keep_concentric)
+
+    images = pyramid(eight_bit(grey))
+    for level in reversed(range(len(images))):
+        scale = 2.0**level
+        known = _NONE if found is None else found.ellipse[_settled(found, reasons)]
+        rough = rough_ellipses(images[level], scale, intervals, known, rejected, extraction)
+        # Only where there is a length to expect: every thin line would be a circle seen edge-on.
+        if intervals.major_px is not None:
+            are_lines = are_thin(rough)
+            if level < _SLIVER_LEVELS:
+                thin.append(rough[are_lines])
+            rough = rough[~are_lines]
+        new = _verified(levels, rough, _REACH_PX + _REACH_PER_SCALE * scale, rejected)
+        if new is not None:
+            found = new if found is None else found.joined_with(new)
+            kept, reasons = select(found)
+        if enough is not None and found is not None and not slivers_wanted:
+            evident = found.evidence[[i for i in kept if found.share[i] > _WHOLE]]
+            if len(evident) >= enough and evident[enough - 1] > np.pi * _SEEN_PX * scale * range_:
+                break
+    if found is not None:
+        partial = _partial_rims(levels, found, kept, reasons, enough)
+        if partial:
+            found = found.joined_with(Candidates.of_partial(partial))
+            kept, reasons = select(found)
+        rejected.update(reasons.values())
+    contours = [found.contour(i) for i in kept] if found is not None else []
+    if thin and (slivers_wanted or (enough is not None and len(contours) < enough)):
+        lines = without_repeats(joined_ellipses(thin[::-1]), 1.0)
+        slivers = find_slivers(levels, lines, intervals, polarity, rejected)
+        contours = [*slivers, *(c for c in contours if not any(same(c.ellipse, s.ellipse) for s in slivers))]
+    refused = _NONE if found is None else found.ellipse[list(reasons)]
+    return Extraction(
+        contours=tuple(sorted(contours, key=lambda c: -c.evidence)),
+        rejected=rejected,
+        refused=refused,
+        refused_why=tuple(reasons.values()),
+        is_complete=level == 0,
+    )
 
 
-def _find_open(
-    levels: Image,
-    rough: Ellipse,
-    intervals: AxisIntervals,
-    polarity: Polarity,
-    keep_concentric: bool,
-    enough: int | None,
-    rejected: Counter[Rejection],
-) -> list[Contour]:
-    """Contours with an inside wider than the blur, verified on the edge along their rims."""
-    for reach in (_FIRST_REACH_PX, _LAST_REACH_PX):
+def _settled(found: Candidates, reasons: dict[int, Rejection]) -> BoolArray:
+    """Tell (m,) which candidates are rims seen whole, or nearly, wanted or not."""
+    unwanted = (Rejection.POLARITY, Rejection.INSIDE_ANOTHER, Rejection.MAJOR_AXIS, Rejection.MINOR_AXIS)
+    settled = (found.share > _WHOLE) & (found.ragged < 1.0)
+    settled[[i for i, reason in reasons.items() if reason not in unwanted]] = False
+    return settled
+
+
+_NONE = Ellipse(np.empty((0, 2)), np.empty(0), np.empty(0), np.empty(0))
+
+
+def _verified(levels: Image, rough: Ellipse, reach_px: float, rejected: Counter[Rejection]) -> Candidates | None:
+    """Place edges along rough ellipses and move these there, twice; returns those that have edges."""
+    for reach, places in ((reach_px, _FIRST_PLACES), (_LAST_REACH_PX, _PLACES)):
         if len(rough) == 0:
-            return []
-        edges = edges_along(levels, rough, reach, _PLACES)
-        rough, alive = _refit(edges, rejected)
-        edges = edges[alive]
-    if len(rough) == 0:
-        return []
-    least_step = _LEAST_STEP * float(np.ptp(levels[::8, ::8])) + 1e-9
-    found = Candidates.of(rough, edges)
-    kept, reasons = _selected(found, intervals, polarity, least_step, keep_concentric)
-    partial = _partial_rims(levels, found, kept, reasons, enough)
-    if partial:
-        found = found.joined_with(Candidates.of_partial(partial))
-        kept, reasons = _selected(found, intervals, polarity, least_step, keep_concentric)
-    rejected.update(reasons.values())
-    return [found.contour(i) for i in kept]
-
-
-def _refit(edges: RimEdges, rejected: Counter[Rejection]) -> tuple[Ellipse, BoolArray]:
-    """Fit the ellipses again to the edges along them; returns those that have one, and which these are (m,)."""
-    number, places = edges.valid.shape
-    contours = Contours(edges.points.reshape(-1, 2), np.arange(number) * places)
-    weights = edges.valid.astype(np.float64)
-    for _ in range(3):
-        fitted, found = fit_ellipses(contours, np.maximum(weights, 1e-9).reshape(-1))
-        residual = rim_distance(fitted, edges.points)
-        scale = 1.5 * np.median(np.where(edges.valid, np.abs(residual), 1e6), axis=1)
-        scale = np.clip(scale, 0.1, 1.0)[:, None]
-        weights = edges.valid / (1.0 + (residual / scale) ** 2) ** 2
-    found &= edges.valid.sum(axis=1) >= _LEAST_EDGES * places
-    rejected[Rejection.TOO_LITTLE_RIM] += int(np.sum(~found))
-    return fitted[found], found
+            return None
+        edges = edges_along(levels, rough, reach, places, quick=True)
+        moved, left = fit_offsets(rough, edges.offset_px, edges.valid)
+        on_it = edges.valid & (np.abs(left) <= np.maximum(_NEAR_PX, _NEAR_SHARE * moved.semi_major)[:, None])
+        least = np.where(moved.semi_major < _SMALL_PX, _LEAST_SMALL, _LEAST_EDGES)
+        alive = np.count_nonzero(on_it, axis=1) >= least * places
+        alive &= moved.semi_major < _LONGEST * (1.0 + rough.semi_major)
+        rejected[Rejection.TOO_LITTLE_RIM] += int(np.sum(~alive))
+        if places == _FIRST_PLACES:
+            hopeless = alive & are_hopeless(moved, left, edges.step, on_it)
+            rejected[Rejection.UNLIKE_A_RIM] += int(np.sum(hopeless))
+            alive &= ~hopeless
+        # Several hypotheses may have come to stand on one edge.
+        ranked = np.flatnonzero(alive)
+        again = repeats(moved, ranked[np.argsort(-np.count_nonzero(edges.valid[ranked], axis=1), kind="stable")])
+        alive[again] = False
+        rejected[Rejection.DUPLICATE] += len(again)
+        rough, edges = moved[alive], edges[alive]
+    return Candidates.of(rough, edges) if len(rough) else None
 
 
 def _selected(
     found: Candidates, intervals: AxisIntervals, polarity: Polarity, least_step: float, keep_concentric: bool
 ) -> tuple[list[int], dict[int, Rejection]]:
     """Return the candidates that are rims of the kind wanted, most evidence first, and why each other is not."""
-    reasons: dict[int, Rejection] = {}
-    kept: list[int] = []
-    for i in np.argsort(-found.evidence, kind="stable").tolist():
-        reason = found.why_not(i, intervals, polarity, least_step)
-        if reason is None:
-            kept.append(i)
-        else:
-            reasons[i] = reason
-    if kept:
+    ranked = np.argsort(-found.evidence, kind="stable")
+    why_not = found.why_not(intervals, polarity, least_step)
+
+    def left(candidates: IntArray) -> IntArray:
+        return candidates[why_not[candidates] < 0]
+
+    kept = left(ranked)
+    if len(kept):
         typical = float(np.average(found.step[kept], weights=found.evidence[kept]))
-        reasons |= {i: Rejection.WEAK_EDGE for i in kept if found.step[i] < _LEAST_KIN * typical}
-    repeated = _repeated(found.ellipse, [i for i in kept if i not in reasons], keep_concentric)
-    reasons |= repeated
-    return [i for i in kept if i not in reasons], reasons
+        why_not[kept[found.step[kept] < _LEAST_KIN * typical]] = REASONS.index(Rejection.WEAK_EDGE)
+        kept = left(kept)
+        why_not[repeats(found.ellipse, kept)] = REASONS.index(Rejection.DUPLICATE)
+        kept = left(kept)
+        if not keep_concentric:
+            why_not[inside_others(found.ellipse, kept)] = REASONS.index(Rejection.INSIDE_ANOTHER)
+            kept = left(kept)
+    return kept.tolist(), {i: REASONS[why_not[i]] for i in ranked.tolist() if why_not[i] >= 0}
 
 
 def _partial_rims(
@@ -140,14 +193,17 @@ def _partial_rims(
     """Look again at candidates that agree with the edges in part, where one could be among the `enough` best."""
     whole = [i for i in kept if found.share[i] > _WHOLE]
     least = found.evidence[whole[enough - 1]] if enough is not None and len(whole) >= enough else 0.0
-    doubtful = [
-        i
-        for i, reason in reasons.items()
-        if reason in (Rejection.TOO_LITTLE_RIM, Rejection.RAGGED)
-        and found.evidence[i] > least
-        and in_runs(found.on_rim[i]).mean() >= _LEAST_IN_RUNS
-    ]
-    rims = (partial_rim(levels, found.ellipse[i], _PLACES) for i in doubtful[:_MOST_PARTIAL])
+    doubtful = []
+    for i, reason in reasons.items():
+        if reason not in (Rejection.TOO_LITTLE_RIM, Rejection.RAGGED) or found.evidence[i] <= least:
+            continue
+        if in_runs(found.on_rim[i]).mean() >= _LEAST_IN_RUNS:
+            doubtful.append(i)
+        if len(doubtful) == _MOST_PARTIAL:
+            break
+    if not doubtful:
+        return []
+    rims = partial_rims(levels, found.ellipse[doubtful], _PLACES)
     return [rim for rim in rims if rim is not None and not _is_explained(rim, found.ellipse[whole])]
 
 
@@ -158,48 +214,3 @@ def _is_explained(rim: PartialRim, whole: Ellipse) -> bool:
         return False
     near = np.abs(rim_distance(whole, np.broadcast_to(points, (len(whole), *points.shape)))) < _EXPLAINED_PX
     return bool(near.any(axis=0).mean() > _MOST_EXPLAINED)
-
-
-def _same(first: Ellipse, others: Ellipse) -> BoolArray:
-    """Tell which of the batch `others` (or whether the one) is the same edge: everything within 1.5 px or 3 %."""
-    near = np.maximum(1.5, 0.03 * first.semi_major)
-    return np.asarray(
-        (np.linalg.norm(others.center - first.center, axis=-1) < near)
-        & (np.abs(others.semi_major - first.semi_major) < near)
-        & (np.abs(others.semi_minor - first.semi_minor) < near)
-    )
-
-
-def _concentric(ellipse: Ellipse, i: int, others: list[int]) -> BoolArray:
-    """Tell which of `others` has the centre of ellipse i and is a larger copy of it, nearly."""
-    ratio = ellipse.semi_major[i] / ellipse.semi_major[others]
-    near = np.linalg.norm(ellipse.center[others] - ellipse.center[i], axis=1) < 0.1 * ellipse.semi_minor[others] + 1.0
-    alike = np.abs(ellipse.semi_minor[i] - ratio * ellipse.semi_minor[others]) < 0.15 * ellipse.semi_major[i]
-    return near & alike & (ratio > 0.1)
-
-
-def _without_repeats(ellipse: Ellipse) -> Ellipse:
-    """Drop rough ellipses that repeat another: the two borders of one edge, or the same edge at two scales."""
-    key = np.concatenate(
-        [ellipse.center, ellipse.semi_major[:, None], ellipse.semi_minor[:, None]],
-        axis=1,
-    )
-    _, first = np.unique(np.round(key / 2.0).astype(np.int64), axis=0, return_index=True)
-    return ellipse[np.sort(first)]
-
-
-def _repeated(ellipse: Ellipse, ranked: list[int], keep_concentric: bool) -> dict[int, Rejection]:
-    """Tell which repeat an edge ranked higher or, unless `keep_concentric`, are inside others of the same centre."""
-    reasons: dict[int, Rejection] = {}
-    kept: list[int] = []
-    for i in ranked:
-        if kept and np.any(_same(ellipse[i], ellipse[kept])):
-            reasons[i] = Rejection.DUPLICATE
-        else:
-            kept.append(i)
-    if not keep_concentric:
-        for i in kept:
-            larger = [j for j in kept if ellipse.semi_major[j] > ellipse.semi_major[i]]
-            if np.any(_concentric(ellipse, i, larger)):
-                reasons[i] = Rejection.INSIDE_ANOTHER
-    return reasons

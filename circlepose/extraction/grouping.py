@@ -1,16 +1,17 @@
-"""Arcs of one broken or partly hidden rim -> one chain: all pairs are tried at once."""
+"""Arcs of one broken or partly hidden rim -> one ellipse: all pairs are tried at once."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from circlepose._typing import BoolArray, FloatArray
+from circlepose._typing import BoolArray, FloatArray, IntArray
 from circlepose.conic import Ellipse, rim_distance
-from circlepose.fitting.direct import Contours, fit_ellipses
+from circlepose.extraction.arcs import SAMPLES, Arcs
+from circlepose.extraction.quick_fit import fit_scatter, scatter_of
 
-_MOST_ARCS = 160
-"""The longest are tried: pairs grow with the square."""
-_SAMPLES = 16
+MOST_ARCS = 100
+"""Of one image at one scale, the longest are tried: pairs grow with the square."""
+_MOST_FAMILIES = 200
 _LEAST_BULGE = 0.02
 """Sagitta over chord below which an arc is a straight line."""
 _LEAST_PX = 15.0
@@ -24,70 +25,93 @@ _ALSO_PX = 2.0
 _ALSO_SHARE = 0.04
 
 
-def joined_arcs(arcs: list[FloatArray], longest_px: float) -> list[FloatArray]:
-    """Return the points of each family of `arcs` (n, 2) that lie on one ellipse no longer than `longest_px`.
+def joined_arcs(arcs: Arcs, longest_px: float) -> tuple[Ellipse, FloatArray]:
+    """Fit an ellipse no longer than `longest_px` to each family of `arcs` that lie on one.
 
-    A family is a pair that agrees on an ellipse, and all other arcs on that ellipse.
+    A family is a pair that agrees on an ellipse, and all other arcs on that ellipse. Returns the ellipses (batch of
+    f) and the share of the rim that its arcs cover (f,).
     """
-    arcs = sorted((a for a in arcs if _bulges(a)), key=len, reverse=True)[:_MOST_ARCS]
-    if len(arcs) < 2:
-        return []
-    samples = np.stack([a[np.linspace(0, len(a) - 1, _SAMPLES).astype(int)] for a in arcs])
-    lengths = np.array([float(np.linalg.norm(np.diff(a, axis=0), axis=1).sum()) for a in arcs])
-    first, second = np.triu_indices(len(arcs), 1)
-    facing = _facing(samples)
-    candidates = facing[first, second] & facing[second, first]
-    gap = np.linalg.norm(samples[first].mean(axis=1) - samples[second].mean(axis=1), axis=-1)
-    candidates &= gap < longest_px
-    first, second = first[candidates], second[candidates]
+    first, second = _pairs(arcs, longest_px) if len(arcs) > 1 else (np.empty(0, np.int64), np.empty(0, np.int64))
     if len(first) == 0:
-        return []
-    points = np.concatenate([samples[first], samples[second]], axis=1)
+        return _none()
+    samples, lengths = arcs.samples, arcs.lengths
+    middle, scale = samples.mean(axis=(0, 1)), float(np.std(samples)) + 1.0
     # Each arc counts by its length, however it was sampled.
-    weights = np.repeat(np.stack([lengths[first], lengths[second]], axis=1), _SAMPLES, axis=1)
-    pairs = Contours(points.reshape(-1, 2), np.arange(len(first)) * 2 * _SAMPLES)
-    ellipse, found = fit_ellipses(pairs, (weights / weights.max()).reshape(-1))
-    good = found & _agree(ellipse, points) & (2.0 * ellipse.semi_major < longest_px)
+    weights = np.repeat(lengths[:, None] / lengths.max(), SAMPLES, axis=1)
+    scatter = scatter_of((samples - middle) / scale, weights)
+    ellipse, found = _fitted(scatter[first] + scatter[second], middle, scale)
     perimeter = np.pi * (ellipse.semi_major + ellipse.semi_minor)
-    good &= (lengths[first] + lengths[second] > _LEAST_PAIR * perimeter) & (ellipse.semi_minor > 0.0)
-    families: set[tuple[int, ...]] = set()
-    for k in np.flatnonzero(good):
-        members = {int(first[k]), int(second[k]), *_also_on(ellipse[k], samples)}
-        cover = lengths[list(members)].sum() / perimeter[k]
-        # Both borders of one edge may count, hence up to twice the rim.
-        if _LEAST_COVER < cover < _MOST_COVER:
-            families.add(tuple(sorted(members)))
-    return [np.concatenate([arcs[i] for i in family]) for family in sorted(families)]
+    found &= (lengths[first] + lengths[second] > _LEAST_PAIR * perimeter) & (ellipse.semi_minor > 0.0)
+    found &= 2.0 * ellipse.semi_major < longest_px
+    kept = np.flatnonzero(found)
+    kept = kept[_agree(ellipse[kept], samples[first[kept]]) & _agree(ellipse[kept], samples[second[kept]])]
+    if len(kept) == 0:
+        return _none()
+    # The pairs that hold most of their ellipse, where there are very many.
+    kept = kept[np.argsort(-(lengths[first[kept]] + lengths[second[kept]]), kind="stable")[:_MOST_FAMILIES]]
+    also = _also_on(ellipse[kept], samples)
+    also[np.arange(len(kept)), first[kept]] = True
+    also[np.arange(len(kept)), second[kept]] = True
+    families = np.unique(also, axis=0)
+    ellipse, found = _fitted(np.einsum("fm,mij->fij", families.astype(np.float64), scatter), middle, scale)
+    perimeter = np.pi * (ellipse.semi_major + ellipse.semi_minor)
+    cover = families @ lengths / np.maximum(perimeter, 1e-9)
+    # Both borders of one edge may count, hence up to twice the rim.
+    found &= (cover > _LEAST_COVER) & (cover < _MOST_COVER)
+    return ellipse[found], cover[found]
 
 
-def _also_on(ellipse: Ellipse, samples: FloatArray) -> list[int]:
-    """Return which arcs, by their `samples` (m, k, 2), lie on the ellipse of a pair, which may be a little off."""
-    distance = np.abs(rim_distance(ellipse, samples.reshape(-1, 2))).reshape(len(samples), -1)
-    return [
-        int(i) for i in np.flatnonzero(distance.max(axis=1) < max(_ALSO_PX, _ALSO_SHARE * float(ellipse.semi_major)))
-    ]
+def _none() -> tuple[Ellipse, FloatArray]:
+    return Ellipse(np.empty((0, 2)), np.empty(0), np.empty(0), np.empty(0)), np.empty(0)
 
 
-def _bulges(arc: FloatArray) -> bool:
-    chord = arc[-1] - arc[0]
-    length = float(np.hypot(*chord))
-    if length < _LEAST_PX:
-        return len(arc) > 2.0 * _LEAST_PX
-    middle = arc[len(arc) // 2] - arc[0]
-    return abs(float(chord[0] * middle[1] - chord[1] * middle[0])) > _LEAST_BULGE * length**2
+def _fitted(scatter: FloatArray, middle: FloatArray, scale: float) -> tuple[Ellipse, BoolArray]:
+    mass = np.maximum(scatter[:, 5, 5], 1e-12)
+    ellipse, found = fit_scatter(scatter / mass[:, None, None])
+    return (
+        Ellipse(
+            ellipse.center * scale + middle, ellipse.semi_major * scale, ellipse.semi_minor * scale, ellipse.angle
+        ),
+        found,
+    )
+
+
+def _pairs(arcs: Arcs, longest_px: float) -> tuple[IntArray, IntArray]:
+    """Return the indices of the arcs of each pair that may lie on one ellipse."""
+    facing = _facing(arcs.samples)
+    middles = arcs.samples.mean(axis=1)
+    gap = np.linalg.norm(middles[:, None, :] - middles[None, :, :], axis=-1)
+    first, second = np.nonzero(np.triu(facing & facing.T & (gap < longest_px), 1))
+    return first, second
+
+
+def bulging(arcs: Arcs) -> BoolArray:
+    """Tell (m,) which arcs are no straight lines."""
+    chord = arcs.samples[:, -1] - arcs.samples[:, 0]
+    length = np.linalg.norm(chord, axis=1)
+    middle = arcs.samples[:, SAMPLES // 2] - arcs.samples[:, 0]
+    sagitta_area = np.abs(chord[:, 0] * middle[:, 1] - chord[:, 1] * middle[:, 0])
+    return np.where(length < _LEAST_PX, arcs.lengths > 2.0 * _LEAST_PX, sagitta_area > _LEAST_BULGE * length**2)
+
+
+def _also_on(ellipse: Ellipse, samples: FloatArray) -> BoolArray:
+    """Tell (f, m) which arcs, by `samples` (m, k, 2), lie on the ellipses of pairs, which may be a little off."""
+    few = samples[:, :: SAMPLES // 4].reshape(-1, 2)
+    distance = np.abs(rim_distance(ellipse, np.broadcast_to(few, (len(ellipse), *few.shape))))
+    near = np.maximum(_ALSO_PX, _ALSO_SHARE * ellipse.semi_major)[:, None]
+    return np.asarray(distance.reshape(len(ellipse), len(samples), -1).max(axis=2) < near)
 
 
 def _facing(samples: FloatArray) -> BoolArray:
     """Tell, (m, m), whether arc j lies on the hollow side of arc i, as the other arcs of its ellipse do."""
     ends = (samples[:, 0] + samples[:, -1]) / 2.0
-    middles = samples[:, _SAMPLES // 2]
+    middles = samples[:, SAMPLES // 2]
     inwards = ends - middles
     offset = samples.mean(axis=1)[None, :, :] - middles[:, None, :]
     return np.einsum("ijk,ik->ij", offset, inwards) > 0.0
 
 
 def _agree(ellipse: Ellipse, points: FloatArray) -> BoolArray:
-    """Tell (m,) whether both halves of `points` (m, 2k, 2) lie on their ellipse."""
-    distance = rim_distance(ellipse, points)
-    rms = np.sqrt(np.mean(distance.reshape(len(points), 2, -1) ** 2, axis=-1))
-    return np.all(rms < np.maximum(_NEAR_PX, _NEAR_SHARE * ellipse.semi_major)[:, None], axis=1)
+    """Tell (f,) whether `points` (f, k, 2) lie on their ellipse."""
+    rms = np.sqrt(np.mean(rim_distance(ellipse, points) ** 2, axis=-1))
+    return np.asarray(rms < np.maximum(_NEAR_PX, _NEAR_SHARE * ellipse.semi_major))

@@ -10,14 +10,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from circlepose._typing import BoolArray, Image
+from circlepose._typing import BoolArray, FloatArray, Image
 from circlepose.conic import Ellipse, rim_distance
+from circlepose.extraction.draws import on_one_ellipse
+from circlepose.extraction.quick_fit import fit_each
 from circlepose.extraction.rim import RimEdges, edges_along
-from circlepose.fitting.consensus import on_one_ellipse
 from circlepose.fitting.determination import axis_errors, curvature_radius
-from circlepose.fitting.direct import fit_ellipse
 
 _ROUNDS = 5
+_DRAWS = (120, 60, 40, 40, 40)
+"""Of each round: the first may start far off."""
 _SETTLED_PX = 0.7
 _REACH_PX = 2.5
 _NEAR_PX = 0.2
@@ -46,42 +48,51 @@ class PartialRim:
 
 
 def partial_rim(levels: Image, start: Ellipse, places: int) -> PartialRim | None:
-    """Fit the ellipse near `start` that most of the edges at `places` along it agree on; None when they do not.
+    """Fit the ellipse near `start` that most of the edges at `places` along it agree on; None when they do not."""
+    return partial_rims(levels, start[None], places)[0]
+
+
+def partial_rims(levels: Image, start: Ellipse, places: int) -> list[PartialRim | None]:
+    """Fit, near each of the ellipses `start` (batch), that on which most of the edges at `places` along it agree.
 
     Of a thin ellipse the start may be one of its sides, or a part; the ends of its edge tell how it goes on.
     """
-    ellipse = start
-    for _ in range(_ROUNDS):
-        before = ellipse
-        edges = edges_along(levels, before[None], _REACH_PX, places)
-        usable = edges.valid[0] & (curvature_radius(before, places) >= _SHARPEST_PX)
-        points = edges.points[0][usable]
-        if len(points) < _LEAST_PLACES:
-            return None
-        near_px = _NEAR_PX + _NEAR_SHARE * float(before.semi_major)
-        chosen = on_one_ellipse(points, near_px / 3.0)
-        for _ in range(_POLISHES):
-            fitted = fit_ellipse(points[chosen])
-            if fitted is None:
-                return None
-            ellipse = fitted
-            chosen = np.abs(rim_distance(ellipse, points)) <= near_px
-        if _moved(before, ellipse) < _SETTLED_PX:
+    rims: list[PartialRim | None] = [None] * len(start)
+    which, ellipse = np.arange(len(start)), start
+    for turn in range(_ROUNDS):
+        if len(which) == 0:
             break
-    on_rim = usable.copy()
-    on_rim[usable] = chosen
-    on_rim = in_runs(on_rim)
+        edges = edges_along(levels, ellipse, _REACH_PX, places, quick=True)
+        usable = edges.valid & (curvature_radius(ellipse, places) >= _SHARPEST_PX)
+        near_px = _NEAR_PX + _NEAR_SHARE * ellipse.semi_major
+        alive = np.count_nonzero(usable, axis=1) >= _LEAST_PLACES
+        chosen = on_one_ellipse(edges.points, usable, near_px, _DRAWS[turn])
+        fitted = ellipse
+        for _ in range(_POLISHES):
+            fitted, found = fit_each(edges.points, np.maximum(chosen, 1e-9))
+            alive &= found
+            chosen = usable & (np.abs(rim_distance(fitted, edges.points)) <= near_px[:, None])
+        alive &= np.count_nonzero(chosen, axis=1) >= _LEAST_PLACES
+        settled = alive & ((_moved(ellipse, fitted) < _SETTLED_PX) | (turn == _ROUNDS - 1))
+        for i in np.flatnonzero(settled).tolist():
+            rims[which[i]] = _held(fitted[i], edges[[i]], in_runs(chosen[i]))
+        which, ellipse = which[alive & ~settled], fitted[alive & ~settled]
+    return rims
+
+
+def _held(ellipse: Ellipse, edges: RimEdges, on_rim: BoolArray) -> PartialRim | None:
+    """Return the rim when the places on it settle its axes."""
     used = edges.points[0][on_rim]
     if len(used) < _LEAST_PLACES or axis_errors(ellipse, used, _ERROR_PX)[0] > _WORST_MAJOR * ellipse.semi_major:
         return None
     return PartialRim(ellipse, edges, on_rim)
 
 
-def _moved(first: Ellipse, second: Ellipse) -> float:
-    """Return by how much (px) the ends of the axes differ, about."""
-    center = float(np.linalg.norm(second.center - first.center))
-    axes = abs(float(second.semi_major - first.semi_major)) + abs(float(second.semi_minor - first.semi_minor))
-    return center + axes
+def _moved(first: Ellipse, second: Ellipse) -> FloatArray:
+    """Return (m,) by how much (px) the ends of the axes differ, about."""
+    center = np.linalg.norm(second.center - first.center, axis=-1)
+    axes = np.abs(second.semi_major - first.semi_major) + np.abs(second.semi_minor - first.semi_minor)
+    return np.asarray(center + axes)
 
 
 def in_runs(which: BoolArray) -> BoolArray:

@@ -6,11 +6,12 @@ from collections import Counter
 
 import numpy as np
 
-from circlepose._typing import Image
+from circlepose._typing import FloatArray, Image
 from circlepose.conic import Ellipse, rim_distance, signed_distance
 from circlepose.extraction.contour import WANTED_SIGN, Contour, Rejection
 from circlepose.extraction.partial import partial_rim
 from circlepose.extraction.rim import sample
+from circlepose.extraction.verify import Candidates
 from circlepose.fitting.thin_ellipse import ThinEllipse, fit_thin_ellipse
 from circlepose.target import AxisIntervals, Polarity
 
@@ -35,6 +36,8 @@ _SMOOTH = 15
 _LINE_SHARE = 0.4
 _LEAST_RIDGE = 0.5
 """Least height of a line over its surroundings, as a share of the difference between its two sides."""
+_MOST_CLUTTER = 0.5
+"""Scatter of the levels beside a line, as a share of its height, beyond which it is one of many things."""
 _LENGTH_SLACK = 1.3
 _EXTENSIONS = 4
 _TIP_SLACK = 1.06
@@ -81,6 +84,7 @@ def _from_both_sides(levels: Image, rough: Ellipse) -> Contour | None:
         rim_used=share,
         residual_px=float(np.sqrt(np.mean(residual**2))),
         evidence=share * _perimeter(rim.ellipse) * abs(step),
+        score=float(Candidates.of_partial([rim]).quality[0]) * share,
     )
 
 
@@ -123,6 +127,8 @@ def _whole_line(levels: Image, fragment: Ellipse) -> Ellipse | None:
     ridge = level[:, 2:5].mean(axis=1) - (left + right) / 2.0
     core = np.abs(u) < 0.5 * fragment.semi_major
     typical = float(np.median(ridge[core]))
+    if max(_scatter(left[core]), _scatter(right[core])) > _MOST_CLUTTER * abs(typical):
+        return None
     if abs(typical) < _LEAST_RIDGE * abs(float(np.median((left - right)[core]))) + 1e-9:
         return None
     if fragment.semi_minor > _FRAGMENT_PX:
@@ -140,6 +146,11 @@ def _whole_line(levels: Image, fragment: Ellipse) -> Ellipse | None:
         semi_minor=fragment.semi_minor,
         angle=fragment.angle,
     )
+
+
+def _scatter(levels: FloatArray) -> float:
+    """Return how much `levels` vary along a line, robustly."""
+    return 1.4826 * float(np.median(np.abs(levels - np.median(levels))))
 
 
 def _why_not(contour: Contour, intervals: AxisIntervals, polarity: Polarity) -> Rejection | None:
@@ -163,6 +174,7 @@ def _from_levels(fitted: ThinEllipse | Rejection) -> Contour | Rejection:
         rim_used=fitted.rim_used,
         residual_px=fitted.error_px,
         evidence=_perimeter(fitted.ellipse) * fitted.peak_levels,
+        score=fitted.rim_used / (1.0 + (fitted.rms_levels / (_WORST_RMS * fitted.peak_levels)) ** 2),
     )
 
 

@@ -7,13 +7,16 @@ from typing import Self
 
 import numpy as np
 
-from circlepose._typing import BoolArray, FloatArray
+from circlepose._typing import BoolArray, FloatArray, IntArray
 from circlepose.conic import Ellipse, rim_distance
+from circlepose.extraction.candidates import joined_ellipses
 from circlepose.extraction.contour import WANTED_SIGN, Contour, Rejection
 from circlepose.extraction.partial import PartialRim
 from circlepose.extraction.rim import RimEdges
 from circlepose.fitting.thin_ellipse import are_thin
 from circlepose.target import AxisIntervals, Polarity
+
+REASONS = tuple(Rejection)
 
 _LEAST_RIM = 0.55
 _LEAST_PARTIAL_RIM = 0.42
@@ -30,6 +33,18 @@ _CLEAN_RIM = 0.8
 _CLEAN_THIN = 0.95
 """Share of the rim wanted of a thin ellipse, which any two neighbouring edges resemble."""
 _LEAST_AXES_PX = (6.0, 3.0)
+_STRAY_PX = 0.08
+_STRAY_SHARE = 0.015
+_STRAY_WIDEST_PX = 15.0
+"""rms distance from the ellipse (px, plus share of the semi-minor axis up to the last) that halves the quality."""
+_UNEVEN = 0.15
+_UNEVEN_PER_PX = 0.02
+"""Spread of the edge's height along the rim, as a share of it (plus per px of the semi-minor axis), that does too."""
+_LEAST_QUALITY = 0.3
+_LEAST_SCORE = 0.25
+_HOPELESS = 0.15
+_HOPELESS_PART = 0.1
+"""Quality below which a closer look is not worth it, at a rim seen whole, or nearly, and at another."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,6 +64,8 @@ class Candidates:
     """(m,) grey levels"""
     ragged: FloatArray
     """(m,) rms distance as a share of what is let pass"""
+    quality: FloatArray
+    """(m,) how well what is seen of the rim suits a circle's image, 0 to 1: see `_quality`"""
     evidence: FloatArray
 
     @classmethod
@@ -58,9 +75,7 @@ class Candidates:
         tolerance = np.maximum(_TOLERANCE_PX, _TOLERANCE_SHARE * ellipse.semi_major)[:, None]
         which = edges.valid & (np.abs(residual) <= tolerance) if on_rim is None else on_rim
         share = which.mean(axis=1)
-        count = np.maximum(which.sum(axis=1), 1)
-        rms_px = np.sqrt(np.sum(np.where(which, residual, 0.0) ** 2, axis=1) / count)
-        step = np.abs(np.sum(np.where(which, edges.step, 0.0), axis=1)) / count
+        rms_px, step, uneven = _measured(residual, edges.step, which)
         perimeter = np.pi * (ellipse.semi_major + ellipse.semi_minor)
         return cls(
             ellipse=ellipse,
@@ -71,6 +86,7 @@ class Candidates:
             rms_px=rms_px,
             step=step,
             ragged=rms_px / (_RAGGED_PX + _RAGGED_SHARE * ellipse.semi_major),
+            quality=_quality(ellipse.semi_minor, rms_px, uneven),
             evidence=share * perimeter * step / (1.0 + (rms_px / 0.5) ** 2),
         )
 
@@ -87,34 +103,40 @@ class Candidates:
         joined = {name: np.concatenate([getattr(self, name), getattr(other, name)]) for name in arrays}
         return type(self)(ellipse=ellipse, edges=RimEdges.joined([self.edges, other.edges]), **joined)
 
-    def why_not(self, i: int, intervals: AxisIntervals, polarity: Polarity, least_step: float) -> Rejection | None:
-        """Return why candidate i is no rim of those wanted, or None when it is one."""
-        major, minor = 2.0 * float(self.ellipse.semi_major[i]), 2.0 * float(self.ellipse.semi_minor[i])
-        if major < _LEAST_AXES_PX[0] or (intervals.minor_px is None and minor < _LEAST_AXES_PX[1]):
-            return Rejection.TOO_SHORT
-        if not intervals.holds_major(major):
-            return Rejection.MAJOR_AXIS
-        if not intervals.holds_minor(minor):
-            return Rejection.MINOR_AXIS
-        if self._is_sliver(i, intervals):
-            return Rejection.NOT_ELLIPTICAL
-        if self.share[i] < self._least_rim(i):
-            return Rejection.TOO_LITTLE_RIM
-        if self.ragged[i] > (_CLOSE if self.is_partial[i] else 1.0):
-            return Rejection.RAGGED
-        if self.step[i] < least_step:
-            return Rejection.WEAK_EDGE
-        return Rejection.POLARITY if WANTED_SIGN[polarity] * self.edges.polarity[i] < 0.0 else None
+    def why_not(self, intervals: AxisIntervals, polarity: Polarity, least_step: float) -> IntArray:
+        """Return (m,) why each candidate is no rim of those wanted, as its place in `REASONS`, or -1 where it is one.
 
-    def _least_rim(self, i: int) -> float:
-        if self.is_partial[i]:
-            return _LEAST_PARTIAL_RIM
-        return _LEAST_RIM if self.ragged[i] < 0.5 else _CLEAN_RIM
+        Of several reasons the first counts.
+        """
+        major, minor = 2.0 * self.ellipse.semi_major, 2.0 * self.ellipse.semi_minor
+        small = major < _LEAST_AXES_PX[0]
+        if intervals.minor_px is None:
+            small |= minor < _LEAST_AXES_PX[1]
+        which = [
+            (small, Rejection.TOO_SHORT),
+            (~_holds(major, intervals.major_px), Rejection.MAJOR_AXIS),
+            (~_holds(minor, intervals.minor_px), Rejection.MINOR_AXIS),
+            (self._are_slivers(intervals), Rejection.NOT_ELLIPTICAL),
+            (self.share < self._least_rim(), Rejection.TOO_LITTLE_RIM),
+            (self.ragged > np.where(self.is_partial, _CLOSE, 1.0), Rejection.RAGGED),
+            (self.step < least_step, Rejection.WEAK_EDGE),
+            (self.quality < _LEAST_QUALITY, Rejection.UNLIKE_A_RIM),
+            (self.quality * self.share < _LEAST_SCORE, Rejection.TOO_LITTLE_RIM),
+            (WANTED_SIGN[polarity] * self.edges.polarity < 0.0, Rejection.POLARITY),
+        ]
+        reasons = np.full(len(major), -1, dtype=np.int64)
+        for holds, reason in reversed(which):
+            reasons[holds] = REASONS.index(reason)
+        return reasons
 
-    def _is_sliver(self, i: int, intervals: AxisIntervals) -> bool:
+    def _least_rim(self) -> FloatArray:
+        whole = np.where(self.ragged < 0.5, _LEAST_RIM, _CLEAN_RIM)
+        return np.where(self.is_partial, _LEAST_PARTIAL_RIM, whole)
+
+    def _are_slivers(self, intervals: AxisIntervals) -> BoolArray:
         # Where slivers are looked for, they have a way of their own.
         wanted = intervals.major_px is not None
-        return bool(are_thin(self.ellipse[i])) and (wanted or self.share[i] < _CLEAN_THIN or self.ragged[i] > 0.5)
+        return are_thin(self.ellipse) & (wanted | (self.share < _CLEAN_THIN) | (self.ragged > 0.5))
 
     def contour(self, i: int) -> Contour:
         """Return candidate i as a contour."""
@@ -126,9 +148,40 @@ class Candidates:
             rim_used=float(self.share[i]),
             residual_px=float(self.rms_px[i]),
             evidence=float(self.evidence[i]),
+            score=float(self.share[i] * self.quality[i]),
         )
 
 
-def joined_ellipses(batches: list[Ellipse]) -> Ellipse:
-    """Return the ellipses of all batches as one."""
-    return Ellipse(*(np.concatenate([getattr(e, field.name) for e in batches]) for field in fields(Ellipse)))
+def are_hopeless(ellipse: Ellipse, residual: FloatArray, step: FloatArray, on_rim: BoolArray) -> BoolArray:
+    """Tell (m,) which rims are so unlike a circle's that no closer look will mend it.
+
+    From the `residual` (m, k) px and the `step` (m, k) of the edges along them, those counted that are `on_rim`.
+    """
+    rms_px, _, uneven = _measured(residual, step, on_rim)
+    least = np.where(on_rim.mean(axis=1) >= _CLEAN_RIM, _HOPELESS, _HOPELESS_PART)
+    return np.asarray(_quality(ellipse.semi_minor, rms_px, uneven) < least)
+
+
+def _measured(residual: FloatArray, step: FloatArray, which: BoolArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return (m,) the rms residual, the mean step and the spread of the step as a share of it, where `which`."""
+    count = np.maximum(np.count_nonzero(which, axis=1), 1)
+    rms_px = np.sqrt(np.sum(np.where(which, residual, 0.0) ** 2, axis=1) / count)
+    mean = np.abs(np.sum(np.where(which, step, 0.0), axis=1)) / count
+    spread = np.where(which, np.abs(step) - mean[:, None], 0.0)
+    return rms_px, mean, np.sqrt(np.sum(spread**2, axis=1) / count) / np.maximum(mean, 1e-9)
+
+
+def _quality(semi_minor: FloatArray, rms_px: FloatArray, uneven: FloatArray) -> FloatArray:
+    """Return (m,) how little the edges stray from the ellipse and how even they are, 1 at best.
+
+    Things that are round by chance are small, and differ from an ellipse by a share of their size and in how their
+    edge varies along it. A large ellipse that many edges lie on is none by chance: it may lie on half a table.
+    """
+    stray = rms_px / (_STRAY_PX + _STRAY_SHARE * np.minimum(semi_minor, _STRAY_WIDEST_PX))
+    return np.asarray(1.0 / (1.0 + stray**2) / (1.0 + (uneven / (_UNEVEN + _UNEVEN_PER_PX * semi_minor)) ** 2))
+
+
+def _holds(length_px: FloatArray, interval: tuple[float, float] | None) -> BoolArray:
+    if interval is None:
+        return np.ones(len(length_px), dtype=np.bool_)
+    return (interval[0] <= length_px) & (length_px <= interval[1])

@@ -47,6 +47,7 @@ _CIRCLE_KEYS = (
     "angle_deg",
     "residual_px",
     "rim_used",
+    "score",
     "solutions",
 )
 _SOLUTION_KEYS = (

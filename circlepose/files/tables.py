@@ -49,6 +49,7 @@ COLUMN_MEANING: Mapping[str, str] = {
     "sigma_normal_deg": "standard deviation of the normal's direction: root of the sum of both tilts' variances",
     "flags": "remarks on a pose that stands, joined with ;",
     "rim_used": "share of the rim, 0 to 1, whose edge the pose rests on",
+    "score": "how surely it is a circle's rim, 0 to 1: share of it on an edge, less where that strays or varies",
 }
 COLUMNS: tuple[str, ...] = tuple(COLUMN_MEANING)
 
@@ -88,6 +89,7 @@ def circle_fields(circle: CircleResult) -> Row:
         "cone": circle.cone,
         "flags": ";".join(circle.flags),
         "rim_used": circle.rim_used,
+        "score": circle.score,
     }
     if circle.candidates:
         fields["ambiguity"] = circle.ambiguity

@@ -34,7 +34,8 @@ def axis_errors(ellipse: Ellipse, points: FloatArray, error: float) -> FloatArra
 
 
 def curvature_radius(ellipse: Ellipse, places: int) -> FloatArray:
-    """Return the radius of curvature (places,) at points evenly spaced in the eccentric angle."""
+    """Return the radius of curvature (..., places) at points evenly spaced in the eccentric angle."""
     eccentric = np.linspace(0.0, 2.0 * np.pi, places, endpoint=False)
-    speed = np.hypot(ellipse.semi_major * np.sin(eccentric), ellipse.semi_minor * np.cos(eccentric))
-    return np.asarray(speed**3 / np.maximum(ellipse.semi_major * ellipse.semi_minor, 1e-12))
+    major, minor = np.asarray(ellipse.semi_major)[..., None], np.asarray(ellipse.semi_minor)[..., None]
+    speed = np.hypot(major * np.sin(eccentric), minor * np.cos(eccentric))
+    return np.asarray(speed**3 / np.maximum(major * minor, 1e-12))
