@@ -31,7 +31,7 @@ _LOOSE, _TIGHT = 0.05, 0.03
 """Standard deviation of the inequality of the blur, before and after all rims have told of it."""
 _LEAST_UNEQUAL = 0.1
 """Less is not told from texture."""
-_ODD_NOISE, _TINY_PX = 0.04, 7.0
+_ODD_NOISE, _TINY_PX = 0.025, 7.0
 _LEAST_SIGMAS = 2.5
 """Semi-minor axis, in blurs, below which width and blur are hard to tell apart."""
 _MANY = 5

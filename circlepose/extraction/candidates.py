@@ -33,6 +33,8 @@ _SAMPLES = 32
 _ROUGH_RMS_PX = 1.0
 _ROUGH_RMS_SHARE = 0.03
 """A chain may stray this far (px, or share of the minor axis) and still be worth a closer look."""
+_CLOSED_RMS_PX = 0.5
+"""The pixels of a closed chain stray no more (px) by themselves."""
 _CLOSE_RMS_PX = 0.6
 _CLOSE_RMS_SHARE = 0.01
 """One that strays no more is of the ellipse and nothing else."""
@@ -142,7 +144,7 @@ def _closed(chains: Chains, whole: BoolArray) -> tuple[Ellipse, BoolArray, BoolA
     kept = np.flatnonzero(good)
     distance = rim_distance(ellipse[kept], chosen.samples(_SAMPLES)[kept])
     rms = np.sqrt(np.mean(distance**2, axis=1))
-    good[kept] = rms < _near(ellipse[kept])
+    good[kept] = rms < np.maximum(_CLOSED_RMS_PX, _ROUGH_RMS_SHARE * 2.0 * ellipse.semi_minor[kept])
     is_closed, is_settled = np.zeros(len(chains), np.bool_), np.zeros(len(chains), np.bool_)
     is_closed[index[good]] = True
     is_settled[index[kept[rms < _closely(ellipse[kept])]]] = True
