@@ -24,6 +24,7 @@ from circlepose.solutions import circle_results
 from circlepose.solvers import METHODS
 from circlepose.solvers.solve import solve
 from circlepose.target import Target
+from circlepose.uncertainty import with_all_terms
 
 
 def estimate(
@@ -113,6 +114,7 @@ def estimate(
         circles = find_ring_targets(all_rims, camera, target, methods, rejected)
         if any(Flag.LONE_CIRCLE in circle.flags for circle in circles):
             incomplete = contradiction(all_rims, camera, target)
+    circles = with_all_terms(circles, camera, target)
     return _image_result(name, size, target, circles, rejected, incomplete)
 
 

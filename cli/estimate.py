@@ -16,6 +16,8 @@ def estimate(
     camera_name: options.CameraName = None,
     target: options.TargetFile = None,
     radius_mm: options.RadiusMm = None,
+    radius_sigma_mm: options.RadiusSigmaMm = None,
+    camera_sigma: options.CameraSigma = None,
     count: options.Count = None,
     polarity: options.Polarity = None,
     depth_range_mm: options.DepthRange = None,
@@ -64,6 +66,8 @@ def estimate(
         up=options.parse_vector("--up", up),
         up_spread_deg=up_spread_deg,
         facing=options.parse_facing(facing),
+        radius_sigma_mm=radius_sigma_mm,
+        camera_sigma=options.parse_camera_sigma(camera_sigma),
     )
     # Cores are shared out by process; threads of the linear algebra would only be in each other's way.
     for library in ("OPENBLAS", "OMP", "MKL"):

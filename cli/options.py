@@ -79,7 +79,7 @@ Vector: TypeAlias = tuple[float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class TargetOverrides:
-    """What the command line says of the target; None leaves what its description says."""
+    """What the command line says of the target, and how well it and the camera are known; None leaves it to files."""
 
     count: int | Literal["all"] | None = None
     polarity: PolarityChoice | None = None
@@ -92,6 +92,9 @@ class TargetOverrides:
     up: Vector | None = None
     up_spread_deg: float | None = None
     facing: SideChoice | Vector | None = None
+    radius_sigma_mm: float | None = None
+    camera_sigma: tuple[float, float] | None = None
+    """px, of the focal length and the principal point"""
 
 
 def parse_count(text: str | None) -> int | Literal["all"] | None:
@@ -143,6 +146,22 @@ def parse_vector(option: str, text: str | None) -> Vector | None:
     return x, y, z
 
 
+def parse_camera_sigma(text: str | None) -> tuple[float, float] | None:
+    """Return the standard deviations written as FOCAL_PX,CENTER_PX; raises `UsageError`."""
+    if text is None:
+        return None
+    try:
+        focal, center = (float(part) for part in text.split(","))
+    except ValueError:
+        focal = center = math.nan
+    if not (0.0 <= focal < math.inf and 0.0 <= center < math.inf):
+        raise UsageError(
+            "--camera-sigma: expected FOCAL_PX,CENTER_PX, standard deviations of 0 px or more, such as 0.8,0.5, "
+            f"got {text!r}."
+        )
+    return focal, center
+
+
 def parse_facing(text: str | None) -> SideChoice | Vector | None:
     """Return a side by its name, or the direction written as X,Y,Z; raises `UsageError`."""
     if text is None or "," in text:
@@ -186,6 +205,18 @@ TargetFile = Annotated[
 RadiusMm = Annotated[
     float | None,
     typer.Option("--radius-mm", metavar="R", help="Look for one circle of this radius in mm (not its diameter)."),
+]
+RadiusSigmaMm = Annotated[
+    float | None,
+    typer.Option("--radius-sigma-mm", metavar="MM", help="How well the radius is known: its standard deviation."),
+]
+CameraSigma = Annotated[
+    str | None,
+    typer.Option(
+        "--camera-sigma",
+        metavar="FOCAL_PX,CENTER_PX",
+        help="How well the camera is known: standard deviations of its focal length and principal point, in px.",
+    ),
 ]
 Count = Annotated[
     str | None,
