@@ -152,6 +152,6 @@ def _nearest(contours: Sequence[Contour], ellipse: Ellipse) -> Contour | None:
     """Return the contour whose ellipse is `ellipse`, about; None where the rim was found in another way."""
     tips = ellipse.points(16)
     reach = _SAME_PX + 0.05 * float(ellipse.semi_minor)
-    near = [(float(np.max(np.abs(signed_distance(c.ellipse, tips)))), i) for i, c in enumerate(contours)]
-    off, index = min(near, default=(np.inf, -1))
-    return contours[index] if off < reach else None
+    close = [c for c in contours if float(np.linalg.norm(c.ellipse.center - ellipse.center)) < reach]
+    off = [float(np.max(np.abs(signed_distance(c.ellipse, tips)))) for c in close]
+    return close[int(np.argmin(off))] if off and min(off) < reach else None

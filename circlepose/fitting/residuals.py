@@ -25,6 +25,7 @@ _AT_RIM_SIGMA = 2.0
 _CURVED_PX = 8.0
 """Least radius of curvature of a rim that is taken as nearly straight."""
 _LOOSE = 0.05
+_FIRST_ORDER_PX = 0.5
 _LEAST_VARIANCE = 1.0 / 12.0
 """Of rounding to whole levels."""
 
@@ -42,7 +43,7 @@ class LevelResiduals:
     model: FloatArray
     """(k,) with what other rims close by add"""
     slope: FloatArray
-    """(k,) change of the model when the rim grows by 1 px there"""
+    """(k,) change of the model when the rim grows by 1 px there; 0 of pixels that are left out"""
     in_use: BoolArray
     """(k,) those that the fit rests on"""
     clipped: BoolArray
@@ -83,7 +84,8 @@ def level_residuals(
 ) -> list[LevelResiduals | None]:
     """Evaluate the levels of `grey` (h, w) around rims, given by their image ellipses and the cones of their poses.
 
-    Blur and levels are fitted, the cones are not; None of a rim whose band has next to no pixels.
+    The levels are fitted anew, and the model then put at the cone that was given: what it misses there is told. None
+    of a rim whose band has next to no pixels.
     """
     first = [_fit(grey, camera, e, f, _REACH_PX, _start(), None) for e, f in zip(ellipses, factors, strict=True)]
     blur = np.array([_start() if fit is None else fit.blur[0] for _, fit in first]).reshape(-1, 3)
@@ -164,12 +166,15 @@ def _residuals(
     clipped = (bands.levels[0] <= low) | (bands.levels[0] >= high)
     bands = bands.less(beside).weighted(fit.weight)
     at = places(bands, factor[None])
-    share = (curved if _is_curved(ellipse) else straight)(at, fit.blur)
-    state = fit_levels(bands, at, share, stiffness(fit.noise_levels**2, fit.contrast_levels))
+    model, slope = _model(bands, fit, fit.factors, ellipse)
+    # The levels belong to the rim that they were fitted with: they would take up a third of a step aside.
+    aside = (at.distance_px - places(bands, fit.factors).distance_px)[0]
+    if fit.converged[0] and float(np.max(np.abs(aside))) < _FIRST_ORDER_PX:
+        model = model - slope * aside
+    else:
+        model, slope = _model(bands, fit, factor[None], ellipse)
     in_use = np.asarray(fit.weight[0] > 0.0)
-    model, measured = (np.asarray(x[0], dtype=np.float64) + beside[0] for x in (state.model, bands.levels))
-    # The first mode is a growth of the rim as a share of its radius.
-    slope = np.asarray(state.slopes[0, 0] * (at.slope / np.maximum(at.radius, 1e-9))[0], dtype=np.float64)
+    model, measured = model + beside[0], np.asarray(bands.levels[0], dtype=np.float64) + beside[0]
     square = float(np.mean((model - measured)[in_use] ** 2)) if in_use.any() else 0.0
     return LevelResiduals(
         pixels=bands.pixels[0],
@@ -183,8 +188,18 @@ def _residuals(
         sigma_px=float(np.exp(fit.blur[0, 0])),
         unequal=(float(fit.blur[0, 1]), float(fit.blur[0, 2])),
         noise_levels=float(np.sqrt(max(square, _LEAST_VARIANCE))),
-        contrast_levels=float(state.contrast[0]),
+        contrast_levels=float(fit.contrast_levels[0]),
         correlation=float(fit.correlation[0]),
         rim_used=float(fit.rim_used[0]),
         converged=bool(fit.converged[0]),
     )
+
+
+def _model(bands: Bands, fit: LevelsFit, factors: FloatArray, ellipse: Ellipse) -> tuple[FloatArray, FloatArray]:
+    """Return the model's levels (k,) with the rim of `factors` (1, 3, 3), and their change per px of its growth."""
+    at = places(bands, factors)
+    share = (curved if _is_curved(ellipse) else straight)(at, fit.blur)
+    levels = fit_levels(bands, at, share, stiffness(fit.noise_levels**2, fit.contrast_levels))
+    # The first mode is a growth of the rim as a share of its radius.
+    slope = levels.slopes[0, 0] * (at.slope / np.maximum(at.radius, 1e-9))[0]
+    return np.asarray(levels.model[0], dtype=np.float64), np.asarray(slope, dtype=np.float64)
