@@ -173,8 +173,7 @@ def _profile(panel: Image, levels: LevelResiduals) -> None:
     """Draw the levels against the distance from the rim, measured and of the model."""
     left, width = _MARGIN + _CROP + 90, _WIDTH - _CROP - 2 * _MARGIN - 100
     reach = levels.reach_px
-    shown = np.concatenate([levels.measured, levels.model])
-    low, high = (float(v) for v in np.percentile(shown, [0.5, 99.5]))
+    low, high = (float(v) for v in np.percentile(levels.measured, [0.5, 99.5]))
     margin = 0.08 * max(high - low, 1.0)
     plot = Plot(panel, left, 420, width, 200, (-reach, reach), (low - margin, high + margin))
     colors = np.tile(np.array(_DATA, dtype=np.uint8), (len(levels.measured), 1))
@@ -192,7 +191,7 @@ def _profile(panel: Image, levels: LevelResiduals) -> None:
     ticks = np.arange(np.ceil(low / step) * step, high + margin, step)
     plot.frame(
         f"levels across the edge: pixels, their means (black) and the model (red); blur {levels.sigma_px:.2f} px",
-        range(-int(reach), int(reach) + 1),
+        range(-int(reach), int(reach) + 1, max(1, round(reach / 5.0))),
         ticks.tolist(),
         " px",
     )

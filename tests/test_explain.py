@@ -75,6 +75,21 @@ def test_distances_are_those_from_the_rim_and_the_model_is_the_blurred_edge():
     assert levels.in_use.all()
 
 
+def test_a_disc_close_by_is_taken_off_and_not_left_out():
+    first, second = (CENTER_MM + np.array([x, 0.0, 0.0]) for x in (-15.0, 18.6))
+    image = disc_image(first).astype(int) + disc_image(second) - 200
+    rims = [rim_of(center) for center in (first, second)]
+    gap = cKDTree(rims[0][2]).query(rims[1][2])[0].min()
+    assert 1.0 < gap < 3.0
+    found = level_residuals(
+        np.clip(image, 0, 255).astype(np.uint8), CAMERA, [rim[0] for rim in rims], [rim[1] for rim in rims]
+    )
+    for levels in found:
+        assert levels.noise_levels < 3.5
+        assert np.mean(levels.in_use) > 0.97
+        assert levels.measured.max() < 220.0
+
+
 def test_what_crosses_the_rim_is_left_out_where_it_is():
     explanation = explain(barred(disc_image()), CAMERA, TARGET)
     (circle,) = explanation.circles

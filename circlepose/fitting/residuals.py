@@ -87,9 +87,11 @@ def level_residuals(
     The levels are fitted anew, and the model then put at the cone that was given: what it misses there is told. None
     of a rim whose band has next to no pixels.
     """
-    first = [_fit(grey, camera, e, f, _REACH_PX, _start(), None) for e, f in zip(ellipses, factors, strict=True)]
-    blur = np.array([_start() if fit is None else fit.blur[0] for _, fit in first]).reshape(-1, 3)
-    contrast = np.array([0.0 if fit is None else fit.contrast_levels[0] for _, fit in first])
+    first = [_fit(grey, camera, e, f, _REACH_PX, _start(), None)[1] for e, f in zip(ellipses, factors, strict=True)]
+    # Of a rim whose levels are not understood, what it adds to those of others is not known.
+    known = [fit if fit is not None and fit.converged[0] else None for fit in first]
+    blur = np.array([_start() if fit is None else fit.blur[0] for fit in known]).reshape(-1, 3)
+    contrast = np.array([0.0 if fit is None else fit.contrast_levels[0] for fit in known])
     sigma = np.exp(blur[:, 0])
     reach = np.maximum(_REACH_PX, _REACH_SIGMA * sigma)
     found = []
