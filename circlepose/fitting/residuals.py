@@ -16,7 +16,7 @@ from circlepose.conic import Ellipse
 from circlepose.fitting.band import Bands, bands_around
 from circlepose.fitting.blurred_edge import fit_levels, stiffness
 from circlepose.fitting.blurred_share import curved, places, straight
-from circlepose.fitting.neighbours import light_of_neighbours
+from circlepose.fitting.neighbours import bands_that_meet, light_of_neighbours
 from circlepose.fitting.photometric import START_SIGMA_PX, Expected, LevelsFit, fit_to_levels
 
 _REACH_PX = 4.0
@@ -87,18 +87,22 @@ def level_residuals(
     The levels are fitted anew, and the model then put at the cone that was given: what it misses there is told. None
     of a rim whose band has next to no pixels.
     """
-    first = [_fit(grey, camera, e, f, _REACH_PX, _start(), None)[1] for e, f in zip(ellipses, factors, strict=True)]
+    first = [_fit(grey, camera, e, f, _REACH_PX, _start(), None) for e, f in zip(ellipses, factors, strict=True)]
     # Of a rim whose levels are not understood, what it adds to those of others is not known.
-    known = [fit if fit is not None and fit.converged[0] else None for fit in first]
+    known = [fit if fit is not None and fit.converged[0] else None for _, fit in first]
     blur = np.array([_start() if fit is None else fit.blur[0] for fit in known]).reshape(-1, 3)
     contrast = np.array([0.0 if fit is None else fit.contrast_levels[0] for fit in known])
     sigma = np.exp(blur[:, 0])
     reach = np.maximum(_REACH_PX, _REACH_SIGMA * sigma)
+    meeting = bands_that_meet(ellipses, reach + _REACH_SIGMA * sigma, contrast)
     found = []
     for number, (ellipse, factor) in enumerate(zip(ellipses, factors, strict=True)):
-        bands = bands_around(grey, camera, [ellipse], reach[[number]])
-        beside = light_of_neighbours(bands.pixels, np.array([number]), ellipses, sigma, contrast, reach)
-        bands, fit = _fit(grey, camera, ellipse, factor, reach[number], blur[number], beside)
+        bands, fit = first[number]
+        beside = np.zeros(bands.levels.shape)
+        if meeting[number] or reach[number] > _REACH_PX:
+            bands = bands_around(grey, camera, [ellipse], reach[[number]])
+            beside = light_of_neighbours(bands.pixels, np.array([number]), ellipses, sigma, contrast, reach)
+            bands, fit = _fit(grey, camera, ellipse, factor, reach[number], blur[number], beside)
         found.append(None if fit is None else _residuals(bands, fit, ellipse, factor, beside, reach[number], grey))
     return found
 
