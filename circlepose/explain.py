@@ -13,10 +13,12 @@ from circlepose.cone import factor_from_circle
 from circlepose.conic import Ellipse, signed_distance
 from circlepose.extraction import EXTRACTIONS
 from circlepose.extraction.contour import Contour
+from circlepose.extraction.find import find_contours
 from circlepose.extraction.grey import to_grey
+from circlepose.extraction.intervals import axis_intervals
 from circlepose.fitting.residuals import LevelResiduals, level_residuals
 from circlepose.measure import Rim, fit_rim
-from circlepose.pipeline import estimate, extract
+from circlepose.pipeline import estimate
 from circlepose.pose import CircleResult, ImageResult, Status
 from circlepose.target import Target
 
@@ -86,7 +88,7 @@ def explain(
         return Explanation(result, 0, (), refine)
     camera = camera_of(result, camera)
     grey = to_grey(image)
-    contours = extract(grey, camera, target, extraction).contours
+    contours = _contours(grey, camera, target, extraction)
     seen = [circle for circle in result.circles if circle.ellipse is not None]
     ellipses = [circle.ellipse for circle in seen if circle.ellipse is not None]
     posed = [number for number, circle in enumerate(seen) if circle.candidates]
@@ -141,6 +143,19 @@ def _runs(marked: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]) -> list[tuple
     # A run that passes the end ends at the first end.
     after = [ends[ends >= start][0] if (ends >= start).any() else ends[0] + number for start in starts]
     return [(float(start * per), float((end + 1) * per)) for start, end in zip(starts, after, strict=True)]
+
+
+def _contours(grey: Image, camera: Camera, target: Target, extraction: str) -> tuple[Contour, ...]:
+    lone = target.kind == "circle"
+    intervals = axis_intervals(target, camera, (int(grey.shape[1]), int(grey.shape[0])))
+    return find_contours(
+        grey,
+        intervals,
+        target.polarity if lone else "any",
+        keep_concentric=not lone,
+        enough=target.count if lone else None,
+        extraction=extraction,
+    ).contours
 
 
 def _factor(circle: CircleResult) -> FloatArray:

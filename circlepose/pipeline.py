@@ -9,7 +9,7 @@ from circlepose._typing import Image
 from circlepose.camera import Camera
 from circlepose.errors import ArgumentError
 from circlepose.extraction import EXTRACTIONS
-from circlepose.extraction.contour import Contour, Extraction, Rejection
+from circlepose.extraction.contour import Contour, Rejection
 from circlepose.extraction.find import find_contours
 from circlepose.extraction.grey import to_grey
 from circlepose.extraction.intervals import axis_intervals
@@ -81,8 +81,17 @@ def estimate(
         if not scale_calibration:
             return ImageResult(name, Status.SIZE_MISMATCH, _size_mismatch(size, camera.image_size), image_size=size)
         camera = camera.scaled_to(size)
+    intervals = axis_intervals(target, camera, size)
     lone = target.kind == "circle"
-    found = extract(grey, camera, target, extraction)
+    found = find_contours(
+        grey,
+        intervals,
+        # Of a ring target the polarity is the largest circle's.
+        target.polarity if lone else "any",
+        keep_concentric=not lone,
+        enough=target.count if lone else None,
+        extraction=extraction,
+    )
     rejected = Counter(found.rejected)
     remaining = iter(found.contours)
     rims = _rims(grey, camera, remaining, refine, rejected)
@@ -107,20 +116,6 @@ def estimate(
             incomplete = contradiction(all_rims, camera, target)
     circles = with_all_terms(circles, camera, target)
     return _image_result(name, size, target, circles, rejected, incomplete)
-
-
-def extract(grey: Image, camera: Camera, target: Target, extraction: str = EXTRACTIONS[0]) -> Extraction:
-    """Find the contours in `grey` (h, w) that may be rims of `target`, the most evident first."""
-    lone = target.kind == "circle"
-    return find_contours(
-        grey,
-        axis_intervals(target, camera, (int(grey.shape[1]), int(grey.shape[0]))),
-        # Of a ring target the polarity is the largest circle's.
-        target.polarity if lone else "any",
-        keep_concentric=not lone,
-        enough=target.count if lone else None,
-        extraction=extraction,
-    )
 
 
 def _rims(

@@ -48,7 +48,12 @@ def _circle_rows(circle: ExplainedCircle, *, refine: bool) -> Iterator[tuple[str
     result = circle.result
     yield f"#{result.instance} {result.circle}", f"radius {result.radius_mm:g} mm, {result.method}: {result.status}"
     yield "", result.reason
-    yield "contour", "found by way of another rim" if circle.contour is None else circle.contour.kept_because
+    yield (
+        "contour",
+        "none of its own: the rim was found by way of the target, or as a sliver"
+        if circle.contour is None
+        else circle.contour.kept_because,
+    )
     yield "edges", _edges(circle)
     yield "levels", _levels(circle, refine=refine)
     for words in _left_out(circle):
