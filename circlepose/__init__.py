@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from circlepose.camera import Camera as Camera
+    from circlepose.camera import CameraSigma as CameraSigma
     from circlepose.cone import ConeKind as ConeKind
     from circlepose.conic import Ellipse as Ellipse
     from circlepose.contour_pose import estimate_from_contour as estimate_from_contour
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from circlepose.pipeline import estimate as estimate
     from circlepose.pose import Candidate as Candidate
     from circlepose.pose import CircleResult as CircleResult
+    from circlepose.pose import CovarianceTerms as CovarianceTerms
     from circlepose.pose import Flag as Flag
     from circlepose.pose import ImageResult as ImageResult
     from circlepose.pose import Status as Status
@@ -40,10 +42,12 @@ __version__ = "0.1.0"
 _HOME = {
     "AxisIntervals": "target",
     "Camera": "camera",
+    "CameraSigma": "camera",
     "Candidate": "pose",
     "CircleResult": "pose",
     "CircleposeError": "errors",
     "ConeKind": "cone",
+    "CovarianceTerms": "pose",
     "DirectionHint": "target_hints",
     "Ellipse": "conic",
     "Flag": "pose",

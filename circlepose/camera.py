@@ -19,6 +19,24 @@ LensModel = Literal["pinhole", "fisheye"]
 LENS_MODELS: tuple[LensModel, ...] = ("pinhole", "fisheye")
 
 
+@dataclass(frozen=True, slots=True)
+class CameraSigma:
+    """How well a camera is known: standard deviations, px; 0 is exact. Raises `CalibrationError`."""
+
+    focal_px: float = 0.0
+    """of the focal length; fx and fy err in common, in proportion"""
+    center_px: float = 0.0
+    """of the principal point, along each axis"""
+
+    def __post_init__(self) -> None:
+        for name, value in (("focal_sigma_px", self.focal_px), ("center_sigma_px", self.center_px)):
+            if not 0.0 <= value < np.inf:
+                raise CalibrationError(f"{name}: expected a standard deviation of 0 px or more, got {value:g}.")
+
+
+EXACT = CameraSigma()
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Camera:
     """Intrinsics and lens model of one camera. Build it with `Camera.create`, which checks them."""
@@ -30,6 +48,8 @@ class Camera:
     image_size: tuple[int, int] | None = None
     """(width, height) px that the calibration holds for; None when the file does not say"""
     model: LensModel = "pinhole"
+    sigma: CameraSigma = EXACT
+    """how well the camera matrix is known"""
 
     @classmethod
     def create(
@@ -38,6 +58,7 @@ class Camera:
         dist_coeffs: object = (),
         image_size: tuple[int, int] | None = None,
         model: LensModel = "pinhole",
+        sigma: CameraSigma = EXACT,
     ) -> Self:
         """Check the numbers and return the camera; raises `CalibrationError` on what cannot be a camera."""
         try:
@@ -51,7 +72,7 @@ class Camera:
         _check_coefficients(coefficients, model)
         if image_size is not None and min(image_size) < 1:
             raise CalibrationError(f"image_size: expected a positive width and height, got {image_size}.")
-        return cls(frozen(matrix / matrix[2, 2]), frozen(coefficients), image_size, model)
+        return cls(frozen(matrix / matrix[2, 2]), frozen(coefficients), image_size, model, sigma)
 
     def project(self, points: FloatArray) -> FloatArray:
         """Project camera-frame `points` (..., 3) to pixels (..., 2); NaN behind or beyond the lens model."""
@@ -104,7 +125,9 @@ class Camera:
         matrix = self.camera_matrix.copy()
         matrix[:2, :2] *= scale[:, None]
         matrix[:2, 2] = (matrix[:2, 2] + 0.5) * scale - 0.5
-        return replace(self, camera_matrix=frozen(matrix), image_size=image_size)
+        mean = float(np.sqrt(np.prod(scale)))
+        sigma = CameraSigma(self.sigma.focal_px * mean, self.sigma.center_px * mean)
+        return replace(self, camera_matrix=frozen(matrix), image_size=image_size, sigma=sigma)
 
 
 def circle_points(center: FloatArray, normal: FloatArray, radius: float, number: int = 360) -> FloatArray:

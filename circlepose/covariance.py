@@ -52,11 +52,16 @@ def pose_covariance(
     except np.linalg.LinAlgError:
         return None
     covariance = np.asarray(inverse @ modes_covariance @ inverse.T)
-    axis = principal_frame(factor).rotation[:, 2]
-    from_axis = float(np.arctan2(np.linalg.norm(np.cross(normal, axis)), -float(normal @ axis)))
-    if not np.all(np.isfinite(covariance)) or from_axis < _LEAST_SIGMAS * tilt_sigma(covariance):
+    if not np.all(np.isfinite(covariance)) or not is_first_order(factor, normal, covariance):
         return None
     return (covariance + covariance.T) / 2.0
+
+
+def is_first_order(factor: FloatArray, normal: FloatArray, covariance: FloatArray) -> bool:
+    """Tell whether a `normal` with a pose's `covariance` is surely tilted from its cone's axis, where none holds."""
+    axis = principal_frame(factor).rotation[:, 2]
+    from_axis = float(np.arctan2(np.linalg.norm(np.cross(normal, axis)), -float(normal @ axis)))
+    return from_axis >= _LEAST_SIGMAS * tilt_sigma(covariance)
 
 
 def tilt_sigma(covariance: FloatArray) -> float:

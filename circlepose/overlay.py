@@ -102,7 +102,7 @@ def draw_overlay(image: Image, result: ImageResult, camera: Camera) -> Image:
     camera
         For images of this size.
     """
-    base = _to_bgr8(image)
+    base = to_bgr8(image)
     longest = max(base.shape[:2])
     enlargement = max(1, -(-SMALLEST_PICTURE // longest))
     if enlargement > 1:
@@ -119,7 +119,7 @@ def draw_overlay(image: Image, result: ImageResult, camera: Camera) -> Image:
     return np.concatenate([_heading(pen, result, circles), pen.canvas])
 
 
-def _to_bgr8(image: Image) -> Image:
+def to_bgr8(image: Image) -> Image:
     """Return a new picture for display; more than 8 bits are stretched to the range that is there."""
     array = np.asarray(image)
     if array.dtype != np.uint8:

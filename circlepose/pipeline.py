@@ -25,6 +25,7 @@ from circlepose.solutions import circle_results
 from circlepose.solvers import METHODS
 from circlepose.solvers.solve import solve
 from circlepose.target import AxisIntervals, Target
+from circlepose.uncertainty import with_all_terms
 
 _EVERY_ONE = 1_000_000
 
@@ -106,6 +107,7 @@ def estimate(
         circles = find_ring_targets(all_rims, camera, target, methods, rejected, placed=refine)
         if any(Flag.LONE_CIRCLE in circle.flags for circle in circles):
             incomplete = contradiction(all_rims, camera, target)
+    circles = with_all_terms(circles, camera, target)
     return _image_result(name, size, target, circles, rejected, incomplete)
 
 

@@ -80,6 +80,23 @@ FLAG_MEANING: Mapping[Flag, str] = {
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class CovarianceTerms:
+    """What a pose's covariance is the sum of, by cause; each (5, 5) as `Candidate.covariance`, None if exact."""
+
+    image: FloatArray
+    """noise of the image; independent from circle to circle"""
+    camera: FloatArray | None = None
+    """error of the focal length and the principal point; the same error in every image of the camera"""
+    radius: FloatArray | None = None
+    """error of the radius; the same error in every image of the target"""
+
+    @property
+    def total(self) -> FloatArray:
+        """The sum of all terms, (5, 5)."""
+        return sum((term for term in (self.camera, self.radius) if term is not None), self.image)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Candidate:
     """One possible pose of a circle, in the camera frame."""
 
@@ -92,7 +109,10 @@ class Candidate:
     generatrix_mm: float | None = None
     """coaxial targets: rim to rim distance with the other circle's paired candidate"""
     covariance: FloatArray | None = None
-    """(5, 5) of centre (mm^2) and two tilts (rad^2), or None where none can be vouched for"""
+    """(5, 5) of centre (mm^2) and two tilts (rad^2) of the normal, towards the vectors of `cone.plane_basis`; of all
+    terms together; None where none can be vouched for"""
+    covariance_terms: CovarianceTerms | None = None
+    """the terms, where another than the image's noise is known"""
     position_difference_mm: float | None = None
     """distance of the centre from Chen & Huang's, where several methods were run"""
     orientation_difference_deg: float | None = None

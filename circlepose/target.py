@@ -66,6 +66,8 @@ class Target:
     facing
         Kind circle only: the side of the line of sight that the surface faces; a name, or a direction (3,) in the
         camera frame. Hints add up, also with `coplanar`.
+    radius_sigma_mm
+        Standard deviation of the (largest) radius; 0 is exact. All lengths of a target err in proportion.
     """
 
     kind: Kind
@@ -79,6 +81,7 @@ class Target:
     normal_hint: DirectionHint | None = None
     up_hint: DirectionHint | None = None
     facing: Side | Direction | None = None
+    radius_sigma_mm: float = 0.0
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
@@ -87,6 +90,11 @@ class Target:
             raise TargetError(f"polarity: expected one of {', '.join(POLARITIES)}, got {self.polarity!r}.")
         self._check_radii()
         self._check_generatrix()
+        if not 0.0 <= self.radius_sigma_mm < self.radii_mm[0]:
+            raise TargetError(
+                "radius_sigma_mm: expected a standard deviation in mm, 0 or more and less than the radius of "
+                f"{self.radii_mm[0]:g} mm, got {self.radius_sigma_mm:g}."
+            )
         if self.count is not None and self.count < 1:
             raise TargetError(f"count: expected a whole number of at least 1 or 'all', got {self.count}.")
         if self.coplanar and (self.kind != "circle" or self.count == 1):

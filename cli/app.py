@@ -21,6 +21,7 @@ from circlepose_cli import debugging
 from circlepose_cli.camera import camera
 from circlepose_cli.check import check
 from circlepose_cli.estimate import estimate
+from circlepose_cli.explain import explain
 from circlepose_cli.inspect import inspect
 from circlepose_cli.render import render
 from circlepose_cli.statuses import statuses
@@ -39,7 +40,7 @@ app = typer.Typer(
     no_args_is_help=True,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (estimate, check, inspect, camera, render, statuses):
+for command in (estimate, check, inspect, explain, camera, render, statuses):
     app.command()(command)
 app.add_typer(study)
 

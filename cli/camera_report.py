@@ -45,6 +45,9 @@ class CameraReport:
     principal_point_px: tuple[float, float]
     principal_point_offset_px: tuple[float, float] | None
     """from the image's centre"""
+    focal_sigma_px: float
+    center_sigma_px: float
+    """standard deviations of the focal lengths and of the principal point; 0 where the file does not say them"""
     dist_coeffs: tuple[float, ...]
     field_of_view_deg: dict[str, float | None] | None
     """horizontal, vertical, diagonal; each None where the lens model does not reach the edge"""
@@ -68,6 +71,8 @@ def describe(camera_file: CameraFile) -> CameraReport:
         focal_lengths_px=(float(matrix[0, 0]), float(matrix[1, 1])),
         principal_point_px=_pair(principal_point),
         principal_point_offset_px=None if offset is None else _pair(offset),
+        focal_sigma_px=camera.sigma.focal_px,
+        center_sigma_px=camera.sigma.center_px,
         dist_coeffs=tuple(camera.dist_coeffs.tolist()),
         field_of_view_deg=None if size is None else _field_of_view(camera, size),
         corner_shifts=shifts,
@@ -145,6 +150,9 @@ def report_text(report: CameraReport) -> str:
         ("focal lengths", "fx {:.2f} px, fy {:.2f} px".format(*report.focal_lengths_px)),
         ("principal point", _principal_point(report)),
     ]
+    if report.focal_sigma_px or report.center_sigma_px:
+        known = f"focal length to {report.focal_sigma_px:g} px, principal point to {report.center_sigma_px:g} px"
+        lines.append(("known to", f"{known} (one sigma)"))
     if report.field_of_view_deg is not None:
         lines.append(("field of view", ", ".join(_angles(report.field_of_view_deg))))
     lines += [

@@ -7,7 +7,8 @@ import os
 import typer
 
 from circlepose_cli import debugging, options
-from circlepose_cli.options import ExtractionChoice, LayoutChoice, MethodChoice, TargetOverrides
+from circlepose_cli.options import ExtractionChoice, LayoutChoice, MethodChoice
+from circlepose_cli.overrides import target_overrides
 
 
 def estimate(
@@ -16,6 +17,8 @@ def estimate(
     camera_name: options.CameraName = None,
     target: options.TargetFile = None,
     radius_mm: options.RadiusMm = None,
+    radius_sigma_mm: options.RadiusSigmaMm = None,
+    camera_sigma: options.CameraSigma = None,
     count: options.Count = None,
     polarity: options.Polarity = None,
     depth_range_mm: options.DepthRange = None,
@@ -53,18 +56,20 @@ def estimate(
     """
     if verbose:
         debugging.show_tracebacks(True)
-    overrides = TargetOverrides(
-        count=options.parse_count(count),
+    overrides = target_overrides(
+        count=count,
         polarity=polarity,
-        depth_range_mm=options.parse_interval("--depth-range-mm", depth_range_mm),
-        major_px=options.parse_interval("--major-px", major_px),
-        minor_px=options.parse_interval("--minor-px", minor_px),
+        depth_range_mm=depth_range_mm,
+        major_px=major_px,
+        minor_px=minor_px,
         coplanar=coplanar,
-        normal=options.parse_vector("--normal", normal),
+        normal=normal,
         normal_spread_deg=normal_spread_deg,
-        up=options.parse_vector("--up", up),
+        up=up,
         up_spread_deg=up_spread_deg,
-        facing=options.parse_facing(facing),
+        facing=facing,
+        radius_sigma_mm=radius_sigma_mm,
+        camera_sigma=camera_sigma,
     )
     # Cores are shared out by process; threads of the linear algebra would only be in each other's way.
     for library in ("OPENBLAS", "OMP", "MKL"):

@@ -79,7 +79,7 @@ Vector: TypeAlias = tuple[float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class TargetOverrides:
-    """What the command line says of the target; None leaves what its description says."""
+    """What the command line says of the target, and how well it and the camera are known; None leaves it to files."""
 
     count: int | Literal["all"] | None = None
     polarity: PolarityChoice | None = None
@@ -92,6 +92,9 @@ class TargetOverrides:
     up: Vector | None = None
     up_spread_deg: float | None = None
     facing: SideChoice | Vector | None = None
+    radius_sigma_mm: float | None = None
+    camera_sigma: tuple[float, float] | None = None
+    """px, of the focal length and the principal point"""
 
 
 def parse_count(text: str | None) -> int | Literal["all"] | None:
@@ -125,31 +128,6 @@ def parse_interval(option: str, text: str | None) -> tuple[float, float] | None:
             f"{option}: expected two numbers LOW:HIGH with 0 <= LOW < HIGH, such as 300:1500, got {text!r}."
         )
     return low, high
-
-
-def parse_vector(option: str, text: str | None) -> Vector | None:
-    """Return the direction written as X,Y,Z; raises `UsageError`."""
-    if text is None:
-        return None
-    try:
-        x, y, z = (float(part) for part in text.split(","))
-    except ValueError:
-        x = y = z = math.nan
-    length = math.hypot(x, y, z)
-    if not (math.isfinite(length) and length > 0.0):
-        raise UsageError(
-            f"{option}: expected a direction X,Y,Z in the camera frame, not all 0, such as 0,-0.5,-1, got {text!r}."
-        )
-    return x, y, z
-
-
-def parse_facing(text: str | None) -> SideChoice | Vector | None:
-    """Return a side by its name, or the direction written as X,Y,Z; raises `UsageError`."""
-    if text is None or "," in text:
-        return parse_vector("--facing", text)
-    if text in set(SideChoice):
-        return SideChoice(text)
-    raise UsageError(f"--facing: expected {', '.join(SideChoice)} or a direction X,Y,Z, got {text!r}.")
 
 
 Inputs = Annotated[
@@ -186,6 +164,18 @@ TargetFile = Annotated[
 RadiusMm = Annotated[
     float | None,
     typer.Option("--radius-mm", metavar="R", help="Look for one circle of this radius in mm (not its diameter)."),
+]
+RadiusSigmaMm = Annotated[
+    float | None,
+    typer.Option("--radius-sigma-mm", metavar="MM", help="How well the radius is known: its standard deviation."),
+]
+CameraSigma = Annotated[
+    str | None,
+    typer.Option(
+        "--camera-sigma",
+        metavar="FOCAL_PX,CENTER_PX",
+        help="How well the camera is known: standard deviations of its focal length and principal point, in px.",
+    ),
 ]
 Count = Annotated[
     str | None,

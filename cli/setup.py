@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from circlepose.camera import CameraSigma
 from circlepose.errors import TargetError, UsageError
 from circlepose.files.camera_file import CameraFile, read_camera_file
 from circlepose.files.remote import Place, RemoteFile
@@ -61,6 +62,9 @@ class Setups:
             self._cameras[path] = read_camera_file(path, self.camera_name)
         camera_file = self._cameras[path]
         target, origin = self._find_target(folder, camera_file)
+        if self.overrides.camera_sigma is not None:
+            sigma = CameraSigma(*self.overrides.camera_sigma)
+            camera_file = replace(camera_file, camera=replace(camera_file.camera, sigma=sigma))
         return Setup(camera_file, _overridden(target, self.overrides), origin)
 
     def _find_target(self, folder: Place, camera_file: CameraFile) -> tuple[Target, str]:
@@ -102,6 +106,8 @@ def _overridden(target: Target, overrides: TargetOverrides) -> Target:
         changes["axis_intervals"] = AxisIntervals(
             overrides.major_px or axes.major_px, overrides.minor_px or axes.minor_px
         )
+    if overrides.radius_sigma_mm is not None:
+        changes["radius_sigma_mm"] = overrides.radius_sigma_mm
     normal, up = overrides.normal, overrides.up
     hints = {
         "normal_hint": _hint("normal", target.normal_hint, normal, overrides.normal_spread_deg, NORMAL_SPREAD_DEG),

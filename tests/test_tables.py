@@ -175,7 +175,7 @@ def test_json_holds_full_precision_and_nests_by_image():
 def test_json_uses_the_tables_names():
     document = read_json([made_result(made_circle(covariance=COVARIANCE))])
     (circle,) = document["images"][0]["circles"]
-    extra = {"reason", "solutions", "covariance"}
+    extra = {"reason", "solutions", "covariance", "covariance_terms"}
     assert (set(circle) | set(circle["solutions"][0])) - extra == set(COLUMNS) - {"image"}
 
 

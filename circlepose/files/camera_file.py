@@ -11,7 +11,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-from circlepose.camera import Camera
+import numpy as np
+
+from circlepose._typing import FloatArray
+from circlepose.camera import EXACT, Camera
 from circlepose.errors import CalibrationError
 from circlepose.files import kalibr_camera, opencv_camera, own_camera, ros_camera
 from circlepose.files.atomic import atomic_writer
@@ -81,9 +84,12 @@ def read_camera_file(source: Source, camera_name: str | None = None) -> CameraFi
 
 def write_camera(camera: Camera, path: str | os.PathLike[str]) -> None:
     """Write `camera` as OpenCV FileStorage YAML, every float to the last bit; raises `OutputError`."""
-    entries = {}
+    entries: dict[str, int | str | FloatArray] = {}
     if camera.image_size is not None:
         entries = {"image_width": camera.image_size[0], "image_height": camera.image_size[1]}
+    sigma = camera.sigma
+    if sigma != EXACT:
+        entries["camera_matrix_std_dev"] = np.array([[sigma.focal_px] * 2 + [sigma.center_px] * 2]).T
     text = storage_text(
         {
             **entries,

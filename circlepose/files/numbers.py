@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from circlepose._typing import FloatArray
-from circlepose.camera import Camera, LensModel
+from circlepose.camera import Camera, CameraSigma, LensModel
 from circlepose.errors import CalibrationError
 from circlepose.files.schema import shown
 
@@ -84,6 +85,14 @@ def build_camera(
         raise CalibrationError(f"{where}: {text}") from None
     _refuse_absurd(camera, where, matrix[0], dist[0])
     return camera
+
+
+def with_sigma(camera: Camera, where: str, focal_px: float, center_px: float) -> Camera:
+    """Return `camera` with standard deviations of its focal length and principal point, px."""
+    try:
+        return replace(camera, sigma=CameraSigma(focal_px, center_px))
+    except CalibrationError as reason:
+        raise CalibrationError(f"{where}: {reason}") from None
 
 
 def _refuse_absurd(camera: Camera, where: str, matrix_key: str, dist_key: str) -> None:

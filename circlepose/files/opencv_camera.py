@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 
@@ -18,6 +19,8 @@ NAME = "OpenCV FileStorage"
 _END = r"(?P<end>[0-9]|left|right)?"
 _MATRIX_KEY = re.compile(rf"(?:cameramatrix|intrinsicmatrix|intrinsics?|mtx|k|m){_END}")
 _DIST_KEY = re.compile(rf"(?:dist(?:ortion)?(?:coeff?(?:icient)?s?)?|d){_END}")
+# Of fx, fy, cx, cy, as OpenCV's interactive calibration writes them; one that was kept fixed is 0 there.
+_SIGMA_KEY = re.compile(rf"cameramatrixstddev{_END}")
 _MODEL_KEYS = ("fisheyemodel", "fisheye", "distortionmodel", "cameramodel", "lensmodel", "model")
 _FISHEYE_WORDS = ("fisheye", "equidistant", "kannalabrandt", "kb4")
 _PINHOLE_WORDS = ("pinhole", "opencv", "plumbbob", "radtan", "radialtangential", "rational", "brown", "standard")
@@ -50,7 +53,7 @@ def read(entries: Mapping[str, object], where: str, camera_name: str | None) -> 
         )
     matrix: FloatArray = numbers.camera_matrix(entries[matrix_key], where, matrix_key)
     camera = numbers.build_camera(where, (matrix_key, matrix), (dist_key, dist), _image_size(entries, where), model)
-    return camera, notes
+    return _with_sigma(camera, entries, where, end), notes
 
 
 def _plain(key: str) -> str:
@@ -107,6 +110,19 @@ def _model(entries: Mapping[str, object], where: str) -> tuple[LensModel, bool]:
     return "pinhole", False
 
 
+def _with_sigma(camera: Camera, entries: Mapping[str, object], where: str, end: str) -> Camera:
+    """Add how well the camera is known, where the file says it: the larger of both axes."""
+    key = _keys(entries, _SIGMA_KEY, where).get(end)
+    if key is None:
+        return camera
+    values = numbers.coefficients(entries[key], where, key)
+    if len(values) != 4 or not all(0.0 <= value < math.inf for value in values):
+        raise CalibrationError(
+            f"{where}: {key}: expected the standard deviations of fx, fy, cx, cy, 4 numbers of 0 or more."
+        )
+    return numbers.with_sigma(camera, where, max(values[:2]), max(values[2:]))
+
+
 def _image_size(entries: Mapping[str, object], where: str) -> tuple[int, int] | None:
     plain = {_plain(key): (key, value) for key, value in entries.items()}
     for prefix in ("image", ""):
@@ -114,7 +130,7 @@ def _image_size(entries: Mapping[str, object], where: str) -> tuple[int, int] | 
         if all(name in plain for name in names):
             (width_key, width), (height_key, height) = (plain[name] for name in names)
             return numbers.image_size(width, height, where, f"{width_key}, {height_key}")
-    for name in ("imagesize", "imgsize", "size", "resolution"):
+    for name in ("imagesize", "imgsize", "size", "resolution", "cameraresolution"):
         if name in plain:
             key, value = plain[name]
             width, height = numbers.number_list(value, where, key, 2)

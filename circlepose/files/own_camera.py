@@ -30,6 +30,8 @@ class _CameraForm(Strict):
     image_size: Annotated[list[int], Field(min_length=2, max_length=2)] | None = Field(
         None, description="[width, height], two whole numbers of px"
     )
+    focal_sigma_px: float = Field(0.0, description="one finite number, the standard deviation of fx and fy in px")
+    center_sigma_px: float = Field(0.0, description="one finite number, the standard deviation of cx and cy in px")
     target: dict[str, Any] | None = Field(None, description="a mapping that describes the target")
 
 
@@ -52,7 +54,7 @@ def read(entries: Mapping[str, object], where: str, camera_name: str | None) -> 
         size = numbers.image_size(form.image_size[0], form.image_size[1], where, "image_size")
     matrix_key, matrix = _matrix(form, where)
     camera = numbers.build_camera(where, (matrix_key, matrix), ("dist_coeffs", form.dist_coeffs), size, form.model)
-    return camera, ()
+    return numbers.with_sigma(camera, where, form.focal_sigma_px, form.center_sigma_px), ()
 
 
 def _matrix(form: _CameraForm, where: str) -> tuple[str, list[list[float]]]:

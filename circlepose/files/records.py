@@ -9,9 +9,10 @@ from collections.abc import Callable, Iterable
 from typing import Any, TextIO
 
 from circlepose import __version__
+from circlepose._typing import FloatArray
 from circlepose.files.names import quoted
 from circlepose.files.tables import Row, candidate_fields, circle_fields
-from circlepose.pose import CircleResult, ImageResult
+from circlepose.pose import CircleResult, CovarianceTerms, ImageResult
 
 POSES_SCHEMA = "circlepose.poses/1"
 
@@ -69,21 +70,34 @@ _SOLUTION_KEYS = (
     "sigma_z_mm",
     "sigma_normal_deg",
     "covariance",
+    "covariance_terms",
 )
 
 
 def _circle_record(circle: CircleResult) -> Row:
     solutions = []
     for number, candidate in enumerate(circle.candidates):
-        covariance = None if candidate.covariance is None else candidate.covariance.tolist()
-        fields = candidate_fields(candidate, number, chosen=number == circle.chosen)
-        solutions.append({key: (fields | {"covariance": covariance}).get(key) for key in _SOLUTION_KEYS})
+        fields = candidate_fields(candidate, number, chosen=number == circle.chosen) | {
+            "covariance": _matrix(candidate.covariance),
+            "covariance_terms": _terms_record(candidate.covariance_terms),
+        }
+        solutions.append({key: fields.get(key) for key in _SOLUTION_KEYS})
     fields = circle_fields(circle) | {
         "reason": circle.reason,
         "flags": list(circle.flags),
         "solutions": solutions,
     }
     return {key: fields.get(key) for key in _CIRCLE_KEYS}
+
+
+def _terms_record(terms: CovarianceTerms | None) -> Row | None:
+    if terms is None:
+        return None
+    return {"image": _matrix(terms.image), "camera": _matrix(terms.camera), "radius": _matrix(terms.radius)}
+
+
+def _matrix(matrix: FloatArray | None) -> list[list[float]] | None:
+    return None if matrix is None else matrix.tolist()
 
 
 def write_json(results: Iterable[ImageResult], handle: TextIO) -> None:

@@ -59,6 +59,7 @@ class _TargetForm(Strict):
     normal_hint: _DirectionHint | None = Field(None, description=f"a mapping with direction: {_DIRECTION}")
     up_hint: _DirectionHint | None = Field(None, description=f"a mapping with direction: {_DIRECTION}")
     facing: Side | _Triple | None = Field(None, description=f"{', '.join(SIDES)}, or {_DIRECTION}")
+    radius_sigma_mm: float = Field(0.0, description="one number, the standard deviation of the radius in mm")
 
 
 def read_target(source: Source) -> Target:
@@ -74,7 +75,8 @@ def target_from_mapping(mapping: Mapping[str, object], where: str) -> Target:
     """Return the target that a mapping describes; `where` (a file, or a key in it) begins every message.
 
     Keys: `kind`, `radius_mm` or `radii_mm`, `generatrix_mm` or `height_mm`, `count`, `polarity`,
-    `axis_intervals_px`, `depth_range_mm`, `coplanar`, `normal_hint`, `up_hint`, `facing`. Raises `TargetError`.
+    `axis_intervals_px`, `depth_range_mm`, `coplanar`, `normal_hint`, `up_hint`, `facing`,
+    `radius_sigma_mm`. Raises `TargetError`.
     """
     _check_units(mapping, where)
     form = parse(_TargetForm, mapping, where, TargetError)
@@ -94,6 +96,7 @@ def target_from_mapping(mapping: Mapping[str, object], where: str) -> Target:
             normal_hint=_hint(form.normal_hint, NORMAL_SPREAD_DEG),
             up_hint=_hint(form.up_hint, UP_SPREAD_DEG),
             facing=_triple(form.facing) if isinstance(form.facing, list) else form.facing,
+            radius_sigma_mm=form.radius_sigma_mm,
         )
     except TargetError as reason:
         raise TargetError(f"{where}: {reason}") from None
@@ -122,6 +125,8 @@ def target_to_mapping(target: Target) -> dict[str, object]:
             mapping[key] = {"direction": list(hint.direction), "spread_deg": hint.spread_deg}
     if target.facing is not None:
         mapping["facing"] = target.facing if isinstance(target.facing, str) else list(target.facing)
+    if target.radius_sigma_mm:
+        mapping["radius_sigma_mm"] = target.radius_sigma_mm
     return mapping
 
 

@@ -1,0 +1,92 @@
+"""`circlepose explain` at work: one image -> its report, and its picture where one is asked for."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+from circlepose.errors import UsageError
+from circlepose.explain import explain
+from circlepose.files import records
+from circlepose.files.images import read_image, write_image
+from circlepose.files.inputs import STDIN, InputImage, expand_inputs
+from circlepose.files.names import printable
+from circlepose.pose import Status
+from circlepose_cli.destination import open_output
+from circlepose_cli.explain_report import report_record, report_text
+from circlepose_cli.options import ExtractionChoice, ReportFormat, TargetOverrides
+from circlepose_cli.setup import Setup, Setups
+
+FAILED = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """What the command line asks for."""
+
+    image: str
+    calib: Path | None
+    camera_name: str | None
+    target_file: Path | None
+    radius_mm: float | None
+    overrides: TargetOverrides
+    refine: bool
+    extraction: ExtractionChoice
+    scale_calibration: bool
+    picture: Path | None
+    report_format: ReportFormat
+    quiet: bool
+
+
+def run(request: Request) -> int:
+    """Explain the image that is asked for and return the exit code."""
+    image = _one_image(request.image)
+    setups = Setups(
+        calib=request.calib,
+        camera_name=request.camera_name,
+        target_file=request.target_file,
+        radius_mm=request.radius_mm,
+        overrides=request.overrides,
+        tell=lambda _, setup: _tell(request, setup),
+    )
+    setup = setups.for_image(image.path)
+    camera = setup.camera_file.camera
+    pixels = read_image(image.path)
+    explanation = explain(
+        pixels,
+        camera,
+        setup.target,
+        refine=request.refine,
+        extraction=request.extraction.value,
+        scale_calibration=request.scale_calibration,
+        name=image.name,
+    )
+    if request.picture is not None:
+        from circlepose.explain_picture import draw_explanation  # noqa: PLC0415 - drawing is rarely asked for
+
+        write_image(request.picture, draw_explanation(pixels, explanation, camera))
+    with open_output(None, None) as handle:
+        if request.report_format is ReportFormat.JSON:
+            handle.write(records.dumps(report_record(explanation)) + "\n")
+        else:
+            handle.write(report_text(explanation, f"{setup.camera_file.path}", setup.target_origin) + "\n")
+    return 0 if explanation.result.status is Status.OK else FAILED
+
+
+def _one_image(typed: str) -> InputImage:
+    if typed == STDIN:
+        raise UsageError("-: explain takes the name of one image; to measure many there is circlepose estimate.")
+    first, *others = list(expand_inputs([typed]))
+    if others:
+        raise UsageError(
+            f"{typed}: explain takes one image, these are {len(others) + 1}; name one, such as {first.path}."
+        )
+    return first
+
+
+def _tell(request: Request, setup: Setup) -> None:
+    if request.quiet:
+        return
+    for note in setup.camera_file.notes:
+        print(printable(f"{setup.camera_file.path}: {note}."), file=sys.stderr)
