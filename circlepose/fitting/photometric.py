@@ -42,6 +42,8 @@ _ZONES, _AT_RIM = 3, 1
 _WORST_CONDITION = 1e14
 _START_DAMPING = 1e-5
 _LONGEST_STEP = 0.5
+_JOINED = ((1, 1.0), (2, 1.5), (4, 2.0))
+"""Neighbouring stretches taken together, and the correlation from which these count."""
 
 Shares = Callable[[Places, FloatArray], Share]
 
@@ -141,7 +143,7 @@ def fit_to_levels(
     matrix = _with_prior(matrix, variance[:, None] * expected.information)
     told = (counted >= _LEAST_PIXELS) & (np.linalg.cond(matrix) < _WORST_CONDITION)
     matrix = np.where(told[:, None, None], matrix, np.eye(MODES + BLUR))
-    correlation = _correlation(state, cells // _ZONES, matrix, variance)
+    correlation = _correlation(state, cells // _ZONES, stretches, matrix, variance)
     covariance = np.linalg.inv(matrix) * variance[:, None, None]
     return LevelsFit(
         factors=seen.factors,
@@ -283,23 +285,29 @@ def _medians(mean: FloatArray, counted: BoolArray) -> FloatArray:
     return np.where(number > 0, middle, 0.0)
 
 
-def _correlation(state: Levels, stretch: IntArray, matrix: FloatArray, variance: FloatArray) -> FloatArray:
+def _correlation(
+    state: Levels, stretch: IntArray, numbers: IntArray, matrix: FloatArray, variance: FloatArray
+) -> FloatArray:
     """Return (m,) how much more the residuals of a stretch add up to than independent ones would; at least 1.
 
     The scores of independent residuals, summed by stretch, scatter as the information says. Where neighbours err
-    alike (texture, a model that does not hold), they scatter more, and so does the estimate.
+    alike (texture, a model that does not hold), they scatter more, and so does the estimate. `stretch` (m, k) of each
+    pixel, of `numbers` (m,) in all for each rim, counted on from rim to rim by the most that any has. Coarse texture
+    shows in joined stretches only, of which there are few: there more is asked of it.
     """
     projected = state.projected_slopes()
-    number = int(stretch.max()) + 1
-    total = np.zeros((len(matrix), MODES + BLUR, MODES + BLUR))
+    rims, most = len(matrix), int(numbers.max())
     scores = np.stack(
         [
-            np.bincount(stretch.ravel(), (projected[:, i] * state.residual).ravel(), number)
+            np.bincount(stretch.ravel(), (projected[:, i] * state.residual).ravel(), rims * most)
             for i in range(MODES + BLUR)
-        ]
-    )
-    owner = np.zeros(number, dtype=np.int64)
-    owner[stretch.ravel()] = np.repeat(np.arange(len(matrix)), stretch.shape[1])
-    np.add.at(total, owner, np.einsum("is,js->sij", scores, scores))
-    ratio = np.einsum("mii->m", np.linalg.solve(matrix, total)) / ((MODES + BLUR) * variance)
-    return np.maximum(ratio, 1.0)
+        ],
+        axis=-1,
+    ).reshape(rims, most, MODES + BLUR)
+    largest = np.ones(rims)
+    for joined, least in _JOINED:
+        sums = sum(np.roll(scores, -shift, axis=1) for shift in range(joined)) if joined > 1 else scores
+        total = np.einsum("msi,msj->mij", sums, sums) / joined
+        ratio = np.einsum("mii->m", np.linalg.solve(matrix, total)) / ((MODES + BLUR) * variance)
+        largest = np.maximum(largest, np.where(ratio > least, ratio, 1.0))
+    return largest
