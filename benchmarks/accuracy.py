@@ -1,6 +1,6 @@
 """Errors of rendered discs against the bound that image noise sets, and whether the covariance told holds.
 
-    python benchmarks/accuracy.py [--only sets|grid] [--cell NAME] [--views 16] [--draws N] [--method METHOD] [--no-refine] [--worst NUMBER]
+    python benchmarks/accuracy.py [--only sets|grid] [--cell NAME] [--views 16] [--draws N] [--worst NUMBER]
 
 Sets: a disc of radius 60 mm, grey 40 on 200, blur 0.7 px, noise 2 grey levels, 400 to 1500 mm away,
 tilted 0 to 75 deg. `lo`: 1280 x 960, f = 1200 px, 100 images; `hi`: 2456 x 2058, f = 3480 px, 30 images; `lo k1=-0.3`
