@@ -9,7 +9,7 @@ import pytest
 from circlepose.batch.journal import Journal
 from circlepose.batch.local import MeasureOptions, WorkItem
 from circlepose.batch.resume import conditions, journal_path, measure_with_journal
-from circlepose.camera import Camera
+from circlepose.camera import Camera, CameraSigma
 from circlepose.errors import UsageError
 from circlepose.files.records import dumps, image_record
 from circlepose.pose import ImageResult, Status
@@ -94,6 +94,7 @@ def test_images_may_come_and_go(run):
     ("what", "change"),
     [
         ("camera", {"camera": Camera.create([[401, 0, 159.5], [0, 400, 119.5], [0, 0, 1]], (), (320, 240))}),
+        ("camera", {"camera": replace(CAMERA, sigma=CameraSigma(0.5))}),
         ("target", {"target": Target.circle(RADIUS_MM + 1e-9)}),
     ],
 )
