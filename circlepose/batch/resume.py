@@ -123,7 +123,8 @@ def _finished(entry: _Entry, item: WorkItem, journal: Journal) -> ImageResult | 
 
 @lru_cache(maxsize=64)
 def _camera_digest(camera: Camera) -> str:
-    numbers = (camera.camera_matrix.tolist(), camera.dist_coeffs.tolist(), camera.image_size, camera.model, camera.sigma)
+    matrix, coefficients = camera.camera_matrix.tolist(), camera.dist_coeffs.tolist()
+    numbers = (matrix, coefficients, camera.image_size, camera.model, camera.sigma)
     return _digest(repr(numbers))
 
 
