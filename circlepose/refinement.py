@@ -31,9 +31,12 @@ _LOOSE, _TIGHT = 0.05, 0.03
 """Standard deviation of the inequality of the blur, before and after all rims have told of it."""
 _LEAST_UNEQUAL = 0.1
 """Less is not told from texture."""
-_ODD_NOISE, _TINY_PX = 0.025, 7.0
+_ODD, _TINY_PX = 3.0, 7.0
+"""Residuals so many times the image's noise are none, on a disc of a semi-minor axis below the second."""
 _LEAST_SIGMAS = 2.5
 """Semi-minor axis, in blurs, below which width and blur are hard to tell apart."""
+_NOISE_ROWS = 64
+_LEAST_NOISE = 0.5
 _MANY = 5
 """Rims that tell of the blur that they share."""
 _SMALL_PX = 20.0
@@ -44,6 +47,7 @@ _CURVED_PX = 8.0
 def refined(grey: Image, camera: Camera, rims: Sequence[Rim]) -> list[Rim]:
     """Fit the rims to the levels of `grey` (h, w); a rim whose levels tell nothing better stays as it is."""
     limits = (0.0, float(np.iinfo(grey.dtype).max)) if grey.dtype.kind == "u" else (-np.inf, np.inf)
+    odd_noise = _ODD * noise_of(grey)
     done = list(rims)
     open_ = [i for i, rim in enumerate(rims) if rim.modes_covariance is None]
     reach = np.full(len(rims), _REACH_PX)
@@ -82,7 +86,8 @@ def refined(grey: Image, camera: Camera, rims: Sequence[Rim]) -> list[Rim]:
                 is_curved=_is_curved(rims[chunk[0]]),
             )
             for k, i in enumerate(chunk):
-                fits[i] = _accepted(camera, rims[i], fit, k, lone=not crowded[i])
+                odd = np.inf if crowded[i] else odd_noise
+                fits[i] = _accepted(camera, rims[i], fit, k, odd)
                 if fit.converged[k]:
                     blur[i], variance[i], contrast[i] = fit.blur[k], fit.blur_variance[k], fit.contrast_levels[k]
         for i, rim in fits.items():
@@ -92,6 +97,15 @@ def refined(grey: Image, camera: Camera, rims: Sequence[Rim]) -> list[Rim]:
         if done[i] is rims[i]:
             done[i] = replace(with_edges_placed(grey, camera, rims[i]) or rims[i], is_edges_only=True)
     return done
+
+
+def noise_of(grey: Image) -> float:
+    """Return about the standard deviation of the noise in `grey` (h, w), levels, from neighbours in sampled rows."""
+    rows = grey[:: max(1, grey.shape[0] // _NOISE_ROWS)].astype(np.float64)
+    if rows.shape[1] < 3:
+        return _LEAST_NOISE
+    bends = rows[:, 1:-1] - (rows[:, :-2] + rows[:, 2:]) / 2.0
+    return max(1.4826 * float(np.median(np.abs(bends))) / np.sqrt(1.5), _LEAST_NOISE)
 
 
 def _is_curved(rim: Rim) -> bool:
@@ -115,11 +129,11 @@ def _chunks(order: Sequence[int], rims: Sequence[Rim], reach: FloatArray) -> Ite
         yield chunk
 
 
-def _accepted(camera: Camera, rim: Rim, fit: LevelsFit, k: int, *, lone: bool) -> Rim:
+def _accepted(camera: Camera, rim: Rim, fit: LevelsFit, k: int, odd_noise: float) -> Rim:
     factor = fit.factors[k]
     noise = fit.noise_levels[k] / max(abs(float(fit.contrast_levels[k])), 1e-9)
     # Of a tiny disc the levels tell no more than the edges where they are not understood.
-    is_odd = lone and noise > _ODD_NOISE and float(rim.ellipse.semi_minor) < _TINY_PX
+    is_odd = fit.noise_levels[k] > odd_noise and float(rim.ellipse.semi_minor) < _TINY_PX
     is_blob = float(rim.ellipse.semi_minor) < _LEAST_SIGMAS * np.exp(fit.blur[k, 0])
     if not fit.converged[k] or noise >= _WORST_NOISE or is_odd or is_blob or fit.rim_used[k] <= _LEAST_RIM:
         return rim
