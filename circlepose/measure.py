@@ -86,11 +86,13 @@ class Rim:
     """of the contour that it was found as; None where it was looked for at a known place"""
 
 
-def fit_rim(levels: Image, camera: Camera, contour: Contour, *, refine: bool = True) -> Rim | None:
+def fit_rim(
+    levels: Image, camera: Camera, contour: Contour, *, refine: bool = True, is_start: bool = False
+) -> Rim | None:
     """Fit the viewing cone of `contour` in the grey image `levels` (h, w); None when it has none.
 
-    Without `refine` the contour's own points are fitted and no edge is placed again; nor for a contour seen whole,
-    which is good enough a start for a fit to the levels.
+    Without `refine` the contour's own points are fitted and no edge is placed again; nor where the rim `is_start` of a
+    fit to the levels and seen whole: good enough for that.
     """
     is_sliver = bool(are_thin(contour.ellipse))
     has_sharp_tips = contour.rim_used < _FULL_RIM and _has_sharp_tips(contour.ellipse)
@@ -103,7 +105,7 @@ def fit_rim(levels: Image, camera: Camera, contour: Contour, *, refine: bool = T
     if fit is None:
         return None
     rim = rim_from_fit(camera, fit, contour.points, contour.rim_used, contour.polarity)
-    if rim is None or not refine or (contour.rim_used > _FULL_RIM and fit.rms_px < _FINEST_RMS_PX):
+    if rim is None or not refine or (is_start and contour.rim_used > _FULL_RIM and fit.rms_px < _FINEST_RMS_PX):
         return rim
     rim = with_edges_placed(levels, camera, rim)
     return None if rim is not None and has_sharp_tips and not _spans(rim) else rim

@@ -88,7 +88,16 @@ def estimate(
     lone = target.kind == "circle"
     incomplete = ""
     if lone:
-        chosen, rejected = _sought_rims(grey, camera, target, intervals, refine, extraction)
+        chosen, rejected = _sought_rims(
+            # The other methods, and rings, go by the edges themselves.
+            grey,
+            camera,
+            target,
+            intervals,
+            refine,
+            extraction,
+            is_start=methods == ("chen-huang",),
+        )
         if refine:
             chosen = refined(grey, camera, chosen)
         circles = [
@@ -112,7 +121,14 @@ def estimate(
 
 
 def _sought_rims(
-    grey: Image, camera: Camera, target: Target, intervals: AxisIntervals, refine: bool, extraction: str
+    grey: Image,
+    camera: Camera,
+    target: Target,
+    intervals: AxisIntervals,
+    refine: bool,
+    extraction: str,
+    *,
+    is_start: bool,
 ) -> tuple[list[Rim], Counter[Rejection]]:
     """Find the rims of the circles asked for, and why other contours are none of them.
 
@@ -124,7 +140,9 @@ def _sought_rims(
         found = find_contours(grey, intervals, target.polarity, enough=enough, extraction=extraction)
         rejected = Counter(found.rejected)
         remaining = iter(found.contours)
-        taken = _lone_rims(_rims(grey, camera, remaining, refine, rejected), camera, target, rejected)
+        taken = _lone_rims(
+            _rims(grey, camera, remaining, refine, rejected, is_start=is_start), camera, target, rejected
+        )
         if found.is_complete or target.count is None or len(taken) >= target.count:
             rejected[Rejection.BEYOND_COUNT] += sum(1 for _ in remaining)
             return taken, rejected
@@ -132,11 +150,17 @@ def _sought_rims(
 
 
 def _rims(
-    grey: Image, camera: Camera, contours: Iterator[Contour], refine: bool, rejected: Counter[Rejection]
+    grey: Image,
+    camera: Camera,
+    contours: Iterator[Contour],
+    refine: bool,
+    rejected: Counter[Rejection],
+    *,
+    is_start: bool = False,
 ) -> Iterator[Rim]:
     """Measure the rims of contours as they are asked for, the most evident first."""
     for contour in contours:
-        rim = fit_rim(grey, camera, contour, refine=refine)
+        rim = fit_rim(grey, camera, contour, refine=refine, is_start=is_start)
         if rim is None:
             rejected[Rejection.NO_POSE] += 1
         else:

@@ -25,7 +25,7 @@ _WORST_NOISE = 0.3
 _FARTHEST_PX = 2.5
 _FULL_RIM = 0.9
 _FARTHEST_HIDDEN_PX = 0.05
-_LEAST_AGAIN = 0.8
+_LEAST_AGAIN = 0.75
 _LEAST_RIM = 0.2
 _LOOSE, _TIGHT = 0.05, 0.03
 """Standard deviation of the inequality of the blur, before and after all rims have told of it."""
@@ -141,7 +141,7 @@ def _accepted(camera: Camera, rim: Rim, fit: LevelsFit, k: int, odd_noise: float
     ellipse = fit_ellipse(predicted)
     # What hides a part of a rim has levels of its own, which pull: there the edges that agree have the last word.
     hidden = rim.rim_used < _FULL_RIM
-    if hidden and fit.rim_used[k] < _LEAST_AGAIN * rim.rim_used:
+    if fit.rim_used[k] < _LEAST_AGAIN * rim.rim_used:
         return rim
     farthest = _FARTHEST_HIDDEN_PX if hidden else _FARTHEST_PX
     if ellipse is None or np.max(np.abs(signed_distance(rim.ellipse, predicted))) > farthest:

@@ -124,7 +124,7 @@ def test_radii_that_contradict_each_other_leave_each_circle_its_own_pose():
 def test_far_away_in_noise_the_choice_is_open_and_said_to_be(target):
     """Rims of 10 px in noise: the candidates are told apart seldom, and with the certainty that there is."""
     told, right = [], []
-    for seed in range(24):
+    for seed in range(36):
         picture, _, normal = scene(target, seed, distance=(3500.0, 5000.0), noise=8.0, tilts=(20.0, 50.0))
         result = circlepose.estimate(render(picture), CAMERA, target)
         if result.status is not Status.OK or len(result.circles[0].candidates) < 2:

@@ -169,7 +169,7 @@ def _selected(
 ) -> tuple[list[int], dict[int, Rejection]]:
     """Return the candidates that are rims of the kind wanted, most evidence first, and why each other is not."""
     ranked = np.argsort(-found.evidence, kind="stable")
-    why_not = found.why_not(intervals, polarity, least_step)
+    why_not = found.why_not(intervals, polarity, least_step, of_rings=keep_concentric)
 
     def left(candidates: IntArray) -> IntArray:
         return candidates[why_not[candidates] < 0]

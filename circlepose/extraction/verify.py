@@ -42,6 +42,7 @@ _UNEVEN_PER_PX = 0.02
 """Spread of the edge's height along the rim, as a share of it (plus per px of the semi-minor axis), that does too."""
 _LEAST_QUALITY = 0.3
 _LEAST_SCORE = 0.3
+_LENIENCE = 0.5
 _HOPELESS = 0.15
 _HOPELESS_PART = 0.1
 """Quality below which a closer look is not worth it, at a rim seen whole, or nearly, and at another."""
@@ -103,15 +104,18 @@ class Candidates:
         joined = {name: np.concatenate([getattr(self, name), getattr(other, name)]) for name in arrays}
         return type(self)(ellipse=ellipse, edges=RimEdges.joined([self.edges, other.edges]), **joined)
 
-    def why_not(self, intervals: AxisIntervals, polarity: Polarity, least_step: float) -> IntArray:
+    def why_not(
+        self, intervals: AxisIntervals, polarity: Polarity, least_step: float, *, of_rings: bool = False
+    ) -> IntArray:
         """Return (m,) why each candidate is no rim of those wanted, as its place in `REASONS`, or -1 where it is one.
 
-        Of several reasons the first counts.
+        Of several reasons the first counts. Rims `of_rings` are held against each other later, so half the score does.
         """
         major, minor = 2.0 * self.ellipse.semi_major, 2.0 * self.ellipse.semi_minor
         small = major < _LEAST_AXES_PX[0]
         if intervals.minor_px is None:
             small |= minor < _LEAST_AXES_PX[1]
+        lenience = _LENIENCE if of_rings else 1.0
         which = [
             (small, Rejection.TOO_SHORT),
             (~_holds(major, intervals.major_px), Rejection.MAJOR_AXIS),
@@ -120,8 +124,8 @@ class Candidates:
             (self.share < self._least_rim(), Rejection.TOO_LITTLE_RIM),
             (self.ragged > np.where(self.is_partial, _CLOSE, 1.0), Rejection.RAGGED),
             (self.step < least_step, Rejection.WEAK_EDGE),
-            (self.quality < _LEAST_QUALITY, Rejection.UNLIKE_A_RIM),
-            (self.quality * self.share < _LEAST_SCORE, Rejection.TOO_LITTLE_RIM),
+            (self.quality < lenience * _LEAST_QUALITY, Rejection.UNLIKE_A_RIM),
+            (self.quality * self.share < lenience * _LEAST_SCORE, Rejection.TOO_LITTLE_RIM),
             (WANTED_SIGN[polarity] * self.edges.polarity < 0.0, Rejection.POLARITY),
         ]
         reasons = np.full(len(major), -1, dtype=np.int64)
