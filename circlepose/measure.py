@@ -91,8 +91,8 @@ def fit_rim(
 ) -> Rim | None:
     """Fit the viewing cone of `contour` in the grey image `levels` (h, w); None when it has none.
 
-    Without `refine` the contour's own points are fitted and no edge is placed again; nor where the rim `is_start` of a
-    fit to the levels and seen whole: good enough for that.
+    Without `refine` the contour's own points are fitted and no edge is placed again; nor where the rim `is_start`
+    of a fit to the levels and seen whole: good enough for that.
     """
     is_sliver = bool(are_thin(contour.ellipse))
     has_sharp_tips = contour.rim_used < _FULL_RIM and _has_sharp_tips(contour.ellipse)

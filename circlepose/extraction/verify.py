@@ -109,7 +109,8 @@ class Candidates:
     ) -> IntArray:
         """Return (m,) why each candidate is no rim of those wanted, as its place in `REASONS`, or -1 where it is one.
 
-        Of several reasons the first counts. Rims `of_rings` are held against each other later, so half the score does.
+        Of several reasons the first counts. Rims `of_rings` are held against each other later, so half
+        the score does.
         """
         major, minor = 2.0 * self.ellipse.semi_major, 2.0 * self.ellipse.semi_minor
         small = major < _LEAST_AXES_PX[0]
