@@ -15,6 +15,7 @@ from circlepose._typing import BoolArray, FloatArray, IntArray, RealArray
 from circlepose.fitting.band import Bands
 from circlepose.fitting.blurred_edge import LINEAR, Levels, fit_levels, stiffness
 from circlepose.fitting.blurred_share import BLUR, Places, Share, curved, places, straight
+from circlepose.fitting.unlike import AT_RIM, QUANTIZATION, ZONES, cells_of, unlike_others
 from circlepose.rim_modes import MODES, grown
 
 START_SIGMA_PX = 0.8
@@ -24,21 +25,13 @@ _STEPS = 12
 _CONVERGED = 1e-3
 """A step that would lower the cost by so many noise variances is worth nothing: 3 % of a standard error."""
 _MOST_DAMPING = 1e5
-_QUANTIZATION = 1.0 / 12.0
-"""Variance of rounding to whole levels: the noise of an image without noise."""
 _ROUNDS = 3
 _THINNED = 3
 _MANY_PIXELS = 1500
 """A longer band is fitted to every third pixel first."""
 _STRETCH_PX = 8.0
 _STRETCHES = (12, 72)
-_ZONE_SIGMA = 2.0
-_UNLIKELY = 6.0
-_COVERED_SHARE = 0.03
-_ODD = 4.0
 _LEAST_PIXELS = 40
-_LEAST_IN_CELL = 4
-_ZONES, _AT_RIM = 3, 1
 _WORST_CONDITION = 1e14
 _START_DAMPING = 1e-5
 _LONGEST_STEP = 0.5
@@ -104,7 +97,7 @@ def fit_to_levels(
     shares = curved if is_curved else straight
     given = bands.weight > 0.0
     stretches = np.clip(perimeter_px / _STRETCH_PX, *_STRETCHES).astype(np.int64)
-    left_out = np.zeros((len(factors), int(stretches.max()), _ZONES), dtype=np.bool_)
+    left_out = np.zeros((len(factors), int(stretches.max()), ZONES), dtype=np.bool_)
     dark, light = bands.levels <= limits[0], bands.levels >= limits[1]
     added = 0.0 if beside is None else beside
     if beside is not None:
@@ -122,12 +115,12 @@ def fit_to_levels(
         seen = _Seen.of(bands, seen.factors, seen.blur, shares)
         state = fit_levels(bands, seen.at, seen.share, stiff)
     for number in range(_ROUNDS):
-        cells = _cells(seen.at, np.exp(seen.blur[:, 0]), stretches, left_out.shape)
+        cells = cells_of(seen.at, np.exp(seen.blur[:, 0]), stretches, left_out.shape)
         # A clipped level tells only where the model would have it on this side of the clip.
         model = state.model + added
         tells = given & ~((light & (model >= limits[1])) | (dark & (model <= limits[0])))
         misfit = state.model - bands.levels
-        left_out = _unlike_others(misfit, tells, bands.weight, cells, state.contrast, left_out.shape)
+        left_out = unlike_others(misfit, tells, bands.weight, cells, state.contrast, left_out.shape)
         weight = (tells & ~left_out.ravel()[cells]).astype(bands.weight.dtype)
         if number > 0 and np.array_equal(weight, bands.weight):
             break
@@ -143,7 +136,7 @@ def fit_to_levels(
     matrix = _with_prior(matrix, variance[:, None] * expected.information)
     told = (counted >= _LEAST_PIXELS) & (np.linalg.cond(matrix) < _WORST_CONDITION)
     matrix = np.where(told[:, None, None], matrix, np.eye(MODES + BLUR))
-    correlation = _correlation(state, cells // _ZONES, stretches, matrix, variance)
+    correlation = _correlation(state, cells // ZONES, stretches, matrix, variance)
     covariance = np.linalg.inv(matrix) * variance[:, None, None]
     return LevelsFit(
         factors=seen.factors,
@@ -153,7 +146,7 @@ def fit_to_levels(
         noise_levels=np.sqrt(variance),
         correlation=correlation,
         contrast_levels=state.contrast,
-        rim_used=1.0 - np.array([row[:n, _AT_RIM].mean() for row, n in zip(left_out, stretches, strict=True)]),
+        rim_used=1.0 - np.array([row[:n, AT_RIM].mean() for row, n in zip(left_out, stretches, strict=True)]),
         converged=converged & told,
         weight=bands.weight,
     )
@@ -162,7 +155,7 @@ def fit_to_levels(
 def _variance(state: Levels, bands: Bands) -> FloatArray:
     """Return the variance (m,) of the levels about the model."""
     counted = np.sum(bands.weight, axis=1)
-    return np.maximum(state.square / np.maximum(counted - LINEAR - MODES - BLUR, 1.0), _QUANTIZATION)
+    return np.maximum(state.square / np.maximum(counted - LINEAR - MODES - BLUR, 1.0), QUANTIZATION)
 
 
 def _with_prior(matrix: FloatArray, prior: FloatArray) -> FloatArray:
@@ -212,7 +205,7 @@ def _gauss_newton(
         damped = matrix + (diagonal * damping[:, None])[:, :, None] * np.eye(MODES + BLUR)
         step = -np.linalg.solve(damped, gradient[..., None])[..., 0]
         gain = -np.sum(step * gradient, axis=1)
-        running &= (gain > _CONVERGED * (cost / counted + _QUANTIZATION)) & (damping < _MOST_DAMPING)
+        running &= (gain > _CONVERGED * (cost / counted + QUANTIZATION)) & (damping < _MOST_DAMPING)
         which = np.flatnonzero(running)
         if len(which) == 0:
             break
@@ -240,49 +233,6 @@ def _after(factors: FloatArray, blur: FloatArray, step: FloatArray) -> tuple[Flo
     changed[:, 0] = np.clip(changed[:, 0], low, high)
     changed[:, 1:] = np.clip(changed[:, 1:], -_MOST_UNEQUAL, _MOST_UNEQUAL)
     return grown(factors, limited[:, :MODES]), changed
-
-
-def _cells(at: Places, sigma_px: FloatArray, stretches: IntArray, shape: tuple[int, int, int]) -> IntArray:
-    """Return (m, k) the cell that each pixel lies in, as an index into (m, stretches, zones) laid flat."""
-    turn = np.arctan2(at.plane[1], at.plane[0]) / (2.0 * np.pi) + 0.5
-    stretch = np.minimum((turn * stretches[:, None]).astype(np.int64), stretches[:, None] - 1)
-    far = np.abs(at.distance_px) > _ZONE_SIGMA * sigma_px[:, None]
-    zone = np.where(far, np.where(at.distance_px < 0.0, 0, 2), _AT_RIM)
-    rim = np.arange(shape[0])[:, None]
-    return np.asarray((rim * shape[1] + stretch) * _ZONES + zone)
-
-
-def _unlike_others(
-    residual: RealArray,
-    tells: BoolArray,
-    weight: RealArray,
-    cells: IntArray,
-    contrast: FloatArray,
-    shape: tuple[int, int, int],
-) -> BoolArray:
-    """Tell (m, stretches, zones) where residuals are unlike those of most of the rim in use, by `weight`.
-
-    Something beside the rim (far zones) is left out alone; what crosses the rim takes the whole stretch with it,
-    and a little of the stretches beside.
-    """
-    size = shape[0] * shape[1] * shape[2]
-    count = np.bincount(cells.ravel(), tells.ravel(), size).reshape(shape)
-    in_use = np.bincount(cells.ravel(), weight.ravel(), size).reshape(shape)
-    mean = np.bincount(cells.ravel(), (residual**2 * tells).ravel(), size).reshape(shape) / np.maximum(count, 1.0)
-    counted = (in_use > 0.5 * count) & (count >= _LEAST_IN_CELL)
-    usual = np.maximum(_medians(mean, counted), _QUANTIZATION)[:, None, :]
-    unlikely = (mean / usual - 1.0) * np.sqrt(count / 2.0) > _UNLIKELY
-    bad = unlikely & (mean > _ODD * usual) & (mean > (_COVERED_SHARE * contrast[:, None, None]) ** 2)
-    crossed = bad[:, :, _AT_RIM]
-    return bad | crossed[:, :, None]
-
-
-def _medians(mean: FloatArray, counted: BoolArray) -> FloatArray:
-    """Return the median (m, zones) over the stretches of `mean` (m, stretches, zones) that are `counted`."""
-    ordered = np.sort(np.where(counted, mean, np.inf), axis=1)
-    number = np.sum(counted, axis=1)
-    middle = np.take_along_axis(ordered, np.maximum(number - 1, 0)[:, None] // 2, axis=1)[:, 0]
-    return np.where(number > 0, middle, 0.0)
 
 
 def _correlation(
