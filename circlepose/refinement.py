@@ -35,6 +35,8 @@ _ODD, _TINY_PX = 3.0, 7.0
 """Residuals so many times the image's noise are none, on a disc of a semi-minor axis below the second."""
 _LEAST_SIGMAS = 2.5
 """Semi-minor axis, in blurs, below which width and blur are hard to tell apart."""
+_WILD = 0.12
+"""The same of any disc, where they are more than this share of the contrast."""
 _NOISE_ROWS = 64
 _LEAST_NOISE = 0.5
 _MANY = 5
@@ -86,8 +88,7 @@ def refined(grey: Image, camera: Camera, rims: Sequence[Rim]) -> list[Rim]:
                 is_curved=_is_curved(rims[chunk[0]]),
             )
             for k, i in enumerate(chunk):
-                odd = np.inf if crowded[i] else odd_noise
-                fits[i] = _accepted(camera, rims[i], fit, k, odd)
+                fits[i] = _accepted(camera, rims[i], fit, k, odd_noise, lone=not crowded[i])
                 if fit.converged[k]:
                     blur[i], variance[i], contrast[i] = fit.blur[k], fit.blur_variance[k], fit.contrast_levels[k]
         for i, rim in fits.items():
@@ -129,11 +130,12 @@ def _chunks(order: Sequence[int], rims: Sequence[Rim], reach: FloatArray) -> Ite
         yield chunk
 
 
-def _accepted(camera: Camera, rim: Rim, fit: LevelsFit, k: int, odd_noise: float) -> Rim:
+def _accepted(camera: Camera, rim: Rim, fit: LevelsFit, k: int, odd_noise: float, *, lone: bool) -> Rim:
     factor = fit.factors[k]
     noise = fit.noise_levels[k] / max(abs(float(fit.contrast_levels[k])), 1e-9)
     # Of a tiny disc the levels tell no more than the edges where they are not understood.
-    is_odd = fit.noise_levels[k] > odd_noise and float(rim.ellipse.semi_minor) < _TINY_PX
+    is_tiny = lone and float(rim.ellipse.semi_minor) < _TINY_PX
+    is_odd = fit.noise_levels[k] > odd_noise and (is_tiny or noise > _WILD)
     is_blob = float(rim.ellipse.semi_minor) < _LEAST_SIGMAS * np.exp(fit.blur[k, 0])
     if not fit.converged[k] or noise >= _WORST_NOISE or is_odd or is_blob or fit.rim_used[k] <= _LEAST_RIM:
         return rim
