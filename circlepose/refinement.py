@@ -14,12 +14,18 @@ from circlepose.fitting.band import bands_around
 from circlepose.fitting.direct import fit_ellipse
 from circlepose.fitting.neighbours import bands_that_meet, light_of_neighbours
 from circlepose.fitting.photometric import Expected, LevelsFit, fit_to_levels
+from circlepose.fitting.setting import (
+    LOOSE,
+    REACH_PX,
+    REACH_SIGMA,
+    first_information,
+    is_curved,
+    level_limits,
+    start_blur,
+)
 from circlepose.fitting.viewing_cone import ConeFit, rim_distance_px
 from circlepose.measure import Rim, rim_pixels, with_edges_placed
 
-_REACH_PX = 4.0
-_REACH_SIGMA = 3.5
-_START_SIGMA_PX = 0.8
 _MOST_PIXELS = 60_000
 _WORST_NOISE = 0.3
 _FARTHEST_PX = 2.5
@@ -27,8 +33,8 @@ _FULL_RIM = 0.9
 _FARTHEST_HIDDEN_PX = 0.05
 _LEAST_AGAIN = 0.75
 _LEAST_RIM = 0.2
-_LOOSE, _TIGHT = 0.05, 0.03
-"""Standard deviation of the inequality of the blur, before and after all rims have told of it."""
+_TIGHT = 0.03
+"""Standard deviation of the inequality of the blur, after all rims have told of it."""
 _LEAST_UNEQUAL = 0.1
 """Less is not told from texture."""
 _ODD, _TINY_PX = 3.0, 7.0
@@ -43,32 +49,29 @@ _MANY = 5
 """Rims that tell of the blur that they share."""
 _SMALL_PX = 20.0
 """Semi-minor axis below which unequal blur passes for a tilt."""
-_CURVED_PX = 8.0
 
 
 def refined(grey: Image, camera: Camera, rims: Sequence[Rim]) -> list[Rim]:
     """Fit the rims to the levels of `grey` (h, w); a rim whose levels tell nothing better stays as it is."""
-    limits = (0.0, float(np.iinfo(grey.dtype).max)) if grey.dtype.kind == "u" else (-np.inf, np.inf)
+    limits = level_limits(grey)
     odd_noise = _ODD * noise_of(grey)
     done = list(rims)
     open_ = [i for i, rim in enumerate(rims) if rim.modes_covariance is None]
-    reach = np.full(len(rims), _REACH_PX)
-    blur = np.tile([np.log(_START_SIGMA_PX), 0.0, 0.0], (len(rims), 1))
+    reach = np.full(len(rims), REACH_PX)
+    blur = start_blur(len(rims))
     variance = np.full((len(rims), 3), np.inf)
     contrast = np.zeros(len(rims))
     ellipses = [rim.ellipse for rim in rims]
     for again in (False, True):
         sigma = np.exp(blur[:, 0])
-        blurred = _REACH_SIGMA * sigma > 1.1 * reach
-        crowded = bands_that_meet(ellipses, reach + _REACH_SIGMA * sigma, contrast)
+        blurred = REACH_SIGMA * sigma > 1.1 * reach
+        crowded = bands_that_meet(ellipses, reach + REACH_SIGMA * sigma, contrast)
         small = np.array([float(rim.ellipse.semi_minor) < _SMALL_PX for rim in rims])
         order = [i for i in open_ if not again or blurred[i] or crowded[i] or (small[i] and len(open_) >= _MANY)]
-        order.sort(key=lambda i: (_is_curved(rims[i]), _perimeter(rims[i])))
-        expected = (
-            _expected(blur, variance) if again else Expected(blur, np.full(blur.shape, _LOOSE**-2) * [0.0, 1.0, 1.0])
-        )
+        order.sort(key=lambda i: (is_curved(rims[i].ellipse), _perimeter(rims[i])))
+        expected = _expected(blur, variance) if again else Expected(blur, first_information(len(rims)))
         if again:
-            reach = np.where(blurred, _REACH_SIGMA * sigma, reach)
+            reach = np.where(blurred, REACH_SIGMA * sigma, reach)
         neighbours = (ellipses, sigma, contrast.copy())
         fits = {}
         for chunk in _chunks(order, rims, reach):
@@ -85,7 +88,7 @@ def refined(grey: Image, camera: Camera, rims: Sequence[Rim]) -> list[Rim]:
                 perimeter,
                 limits,
                 beside=beside,
-                is_curved=_is_curved(rims[chunk[0]]),
+                is_curved=is_curved(rims[chunk[0]].ellipse),
             )
             for k, i in enumerate(chunk):
                 fits[i] = _accepted(camera, rims[i], fit, k, odd_noise, lone=not crowded[i])
@@ -109,11 +112,6 @@ def noise_of(grey: Image) -> float:
     return max(1.4826 * float(np.median(np.abs(bends))) / np.sqrt(1.5), _LEAST_NOISE)
 
 
-def _is_curved(rim: Rim) -> bool:
-    """Tell whether the rim's sharpest curve is sharp on the scale of the blur."""
-    return float(rim.ellipse.semi_minor**2 / rim.ellipse.semi_major) < _CURVED_PX
-
-
 def _perimeter(rim: Rim) -> float:
     return float(np.pi * (rim.ellipse.semi_major + rim.ellipse.semi_minor))
 
@@ -122,7 +120,10 @@ def _chunks(order: Sequence[int], rims: Sequence[Rim], reach: FloatArray) -> Ite
     chunk: list[int] = []
     for i in order:
         longest = 2.2 * reach[i] * _perimeter(rims[i])
-        if chunk and ((len(chunk) + 1) * longest > _MOST_PIXELS or _is_curved(rims[i]) != _is_curved(rims[chunk[0]])):
+        if chunk and (
+            (len(chunk) + 1) * longest > _MOST_PIXELS
+            or is_curved(rims[i].ellipse) != is_curved(rims[chunk[0]].ellipse)
+        ):
             yield chunk
             chunk = []
         chunk.append(i)
@@ -164,8 +165,8 @@ def _accepted(camera: Camera, rim: Rim, fit: LevelsFit, k: int, odd_noise: float
 def _expected(blur: FloatArray, variance: FloatArray) -> Expected:
     """Return what the blurs of all rims say of each: unequal blur is the camera's, and much the same for all."""
     posterior = 1.0 / variance[:, 1:]
-    told = np.where(posterior > 0.0, posterior - _LOOSE**-2, 0.0).sum(axis=0)
-    mean = (posterior * blur[:, 1:]).sum(axis=0) / np.maximum(told, _LOOSE**-2)
+    told = np.where(posterior > 0.0, posterior - LOOSE**-2, 0.0).sum(axis=0)
+    mean = (posterior * blur[:, 1:]).sum(axis=0) / np.maximum(told, LOOSE**-2)
     if np.hypot(*mean) < _LEAST_UNEQUAL:
         mean = np.zeros(2)
     count = len(blur)

@@ -18,7 +18,6 @@ from circlepose.fitting.blurred_share import BLUR, Places, Share, curved, places
 from circlepose.fitting.unlike import AT_RIM, QUANTIZATION, ZONES, cells_of, unlike_others
 from circlepose.rim_modes import MODES, grown
 
-START_SIGMA_PX = 0.8
 _SIGMA_PX = (0.25, 8.0)
 _MOST_UNEQUAL = 0.6
 _STEPS = 12

@@ -17,17 +17,12 @@ from circlepose.fitting.band import Bands, bands_around
 from circlepose.fitting.blurred_edge import fit_levels, stiffness
 from circlepose.fitting.blurred_share import curved, places, straight
 from circlepose.fitting.neighbours import bands_that_meet, light_of_neighbours
-from circlepose.fitting.photometric import START_SIGMA_PX, Expected, LevelsFit, fit_to_levels
+from circlepose.fitting.photometric import Expected, LevelsFit, fit_to_levels
+from circlepose.fitting.setting import REACH_PX, REACH_SIGMA, first_information, is_curved, level_limits, start_blur
+from circlepose.fitting.unlike import QUANTIZATION
 
-_REACH_PX = 4.0
-_REACH_SIGMA = 3.5
 _AT_RIM_SIGMA = 2.0
-_CURVED_PX = 8.0
-"""Least radius of curvature of a rim that is taken as nearly straight."""
-_LOOSE = 0.05
 _FIRST_ORDER_PX = 0.5
-_LEAST_VARIANCE = 1.0 / 12.0
-"""Of rounding to whole levels."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -87,19 +82,21 @@ def level_residuals(
     The levels are fitted anew, and the model then put at the cone that was given: what it misses there is told. None
     of a rim whose band has next to no pixels.
     """
-    first = [_fit(grey, camera, e, f, _REACH_PX, _start(), None) for e, f in zip(ellipses, factors, strict=True)]
+    first = [
+        _fit(grey, camera, e, f, REACH_PX, start_blur(1)[0], None) for e, f in zip(ellipses, factors, strict=True)
+    ]
     # Of a rim whose levels are not understood, what it adds to those of others is not known.
     known = [fit if fit is not None and fit.converged[0] else None for _, fit in first]
-    blur = np.array([_start() if fit is None else fit.blur[0] for fit in known]).reshape(-1, 3)
+    blur = np.array([start_blur(1)[0] if fit is None else fit.blur[0] for fit in known]).reshape(-1, 3)
     contrast = np.array([0.0 if fit is None else fit.contrast_levels[0] for fit in known])
     sigma = np.exp(blur[:, 0])
-    reach = np.maximum(_REACH_PX, _REACH_SIGMA * sigma)
-    meeting = bands_that_meet(ellipses, reach + _REACH_SIGMA * sigma, contrast)
+    reach = np.maximum(REACH_PX, REACH_SIGMA * sigma)
+    meeting = bands_that_meet(ellipses, reach + REACH_SIGMA * sigma, contrast)
     found = []
     for number, (ellipse, factor) in enumerate(zip(ellipses, factors, strict=True)):
         bands, fit = first[number]
         beside = np.zeros(bands.levels.shape)
-        if meeting[number] or reach[number] > _REACH_PX:
+        if meeting[number] or reach[number] > REACH_PX:
             bands = bands_around(grey, camera, [ellipse], reach[[number]])
             beside = light_of_neighbours(bands.pixels, np.array([number]), ellipses, sigma, contrast, reach)
             bands, fit = _fit(grey, camera, ellipse, factor, reach[number], blur[number], beside)
@@ -121,18 +118,6 @@ def edge_offsets(levels: LevelResiduals, place: FloatArray, number: int) -> tupl
     return pull / told, levels.noise_levels / np.sqrt(told)
 
 
-def _start() -> FloatArray:
-    return np.array([np.log(START_SIGMA_PX), 0.0, 0.0])
-
-
-def _limits(grey: Image) -> tuple[float, float]:
-    return (0.0, float(np.iinfo(grey.dtype).max)) if grey.dtype.kind == "u" else (-np.inf, np.inf)
-
-
-def _is_curved(ellipse: Ellipse) -> bool:
-    return float(ellipse.semi_minor**2 / ellipse.semi_major) < _CURVED_PX
-
-
 def _fit(
     grey: Image,
     camera: Camera,
@@ -150,11 +135,11 @@ def _fit(
         bands,
         factor[None],
         blur[None],
-        Expected(blur[None] * [1.0, 0.0, 0.0], np.array([[0.0, _LOOSE**-2, _LOOSE**-2]])),
+        Expected(blur[None] * [1.0, 0.0, 0.0], first_information(1)),
         np.array([perimeter]),
-        _limits(grey),
+        level_limits(grey),
         beside=beside,
-        is_curved=_is_curved(ellipse),
+        is_curved=is_curved(ellipse),
     )
     return bands, fit
 
@@ -168,7 +153,7 @@ def _residuals(
     reach_px: float,
     grey: Image,
 ) -> LevelResiduals:
-    low, high = _limits(grey)
+    low, high = level_limits(grey)
     clipped = (bands.levels[0] <= low) | (bands.levels[0] >= high)
     bands = bands.less(beside).weighted(fit.weight)
     at = places(bands, factor[None])
@@ -193,7 +178,7 @@ def _residuals(
         reach_px=float(reach_px),
         sigma_px=float(np.exp(fit.blur[0, 0])),
         unequal=(float(fit.blur[0, 1]), float(fit.blur[0, 2])),
-        noise_levels=float(np.sqrt(max(square, _LEAST_VARIANCE))),
+        noise_levels=float(np.sqrt(max(square, QUANTIZATION))),
         contrast_levels=float(fit.contrast_levels[0]),
         correlation=float(fit.correlation[0]),
         rim_used=float(fit.rim_used[0]),
@@ -204,7 +189,7 @@ def _residuals(
 def _model(bands: Bands, fit: LevelsFit, factors: FloatArray, ellipse: Ellipse) -> tuple[FloatArray, FloatArray]:
     """Return the model's levels (k,) with the rim of `factors` (1, 3, 3), and their change per px of its growth."""
     at = places(bands, factors)
-    share = (curved if _is_curved(ellipse) else straight)(at, fit.blur)
+    share = (curved if is_curved(ellipse) else straight)(at, fit.blur)
     levels = fit_levels(bands, at, share, stiffness(fit.noise_levels**2, fit.contrast_levels))
     # The first mode is a growth of the rim as a share of its radius.
     slope = levels.slopes[0, 0] * (at.slope / np.maximum(at.radius, 1e-9))[0]

@@ -1,0 +1,37 @@
+"""How a fit to grey levels is set up, for the estimate and for what explains it: reach, first blur, clipping."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from circlepose._typing import FloatArray, Image
+from circlepose.conic import Ellipse
+
+REACH_PX = 4.0
+REACH_SIGMA = 3.5
+"""How far from the rim a band reaches: px, or blurs."""
+LOOSE = 0.05
+"""Standard deviation of the inequality of the blur before any image is seen."""
+_START_SIGMA_PX = 0.8
+_CURVED_PX = 8.0
+"""Least radius of curvature of a rim that is taken as nearly straight."""
+
+
+def start_blur(number: int) -> FloatArray:
+    """Return (number, 3) the blurs that fits start at, see `blurred_share`."""
+    return np.tile([np.log(_START_SIGMA_PX), 0.0, 0.0], (number, 1))
+
+
+def first_information(number: int) -> FloatArray:
+    """Return (number, 3) the information on each parameter of the blurs that there is at the start."""
+    return np.tile([0.0, LOOSE**-2, LOOSE**-2], (number, 1))
+
+
+def level_limits(grey: Image) -> tuple[float, float]:
+    """Return the levels at which `grey` is clipped."""
+    return (0.0, float(np.iinfo(grey.dtype).max)) if grey.dtype.kind == "u" else (-np.inf, np.inf)
+
+
+def is_curved(ellipse: Ellipse) -> bool:
+    """Tell whether the sharpest curve of a rim's image (px) is sharp on the scale of the blur."""
+    return float(ellipse.semi_minor**2 / ellipse.semi_major) < _CURVED_PX
