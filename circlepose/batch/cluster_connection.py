@@ -104,6 +104,9 @@ class Connection:
         while self.bell.poll():
             self.bell.recv_bytes()
         self._has_rung = False
+        if self._is_alone and any(isinstance(event, Began | Ended | Done) for event in list(self._events)):
+            # Somebody worked, and may be done with all before the next look.
+            self.look()
         while self._events:
             event = self._events.popleft()
             if event.number in self._futures:
