@@ -87,15 +87,19 @@ class Camera:
 
     def rays(self, pixels: FloatArray) -> FloatArray:
         """Return the viewing rays (..., 3), unit length, of `pixels` (..., 2); NaN outside the lens model."""
-        centered = np.asarray(pixels, dtype=np.float64) - self.camera_matrix[:2, 2]
-        plane = centered @ np.linalg.inv(self.camera_matrix[:2, :2]).T
-        undistort = lens.undistort_fisheye if self.model == "fisheye" else lens.undistort_pinhole
-        return undistort(plane, self.dist_coeffs)
+        if self.model == "fisheye":
+            return lens.undistort_fisheye(self._distorted(pixels), self.dist_coeffs)
+        plane, _ = lens.undistort_pinhole(self._distorted(pixels), self.dist_coeffs)
+        x, y = plane[..., 0], plane[..., 1]
+        rays = np.empty((*x.shape, 3))
+        rays[..., 2] = 1.0 / np.sqrt(x * x + y * y + 1.0)
+        rays[..., 0], rays[..., 1] = x * rays[..., 2], y * rays[..., 2]
+        return rays
 
     def rays_with_jacobian(self, pixels: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the unit rays (..., 3) of `pixels` (..., 2) and their derivative d ray / d pixel (..., 3, 2)."""
-        if self.model == "pinhole" and not np.any(self.dist_coeffs):
-            return self._straight_rays(pixels)
+        if self.model == "pinhole":
+            return self._pinhole_rays(pixels)
         rays = self.rays(pixels)
         _, jacobian = self.project_with_jacobian(rays)
         # A pixel does not move when a point moves along its ray, so the pseudo-inverse is tangent to the sphere.
@@ -105,14 +109,31 @@ class Camera:
         adjugate = np.stack([np.stack([d, -b], axis=-1), np.stack([-b, a], axis=-1)], axis=-2)
         return rays, transposed @ adjugate / (a * d - b * b)[..., None, None]
 
-    def _straight_rays(self, pixels: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """As `rays_with_jacobian`, for a lens without distortion, where it is much less work."""
-        inverse = np.linalg.inv(self.camera_matrix)
-        plane = np.asarray(pixels, dtype=np.float64) @ inverse[:, :2].T + inverse[:, 2]
-        per_length = 1.0 / np.sqrt(np.einsum("...i,...i->...", plane, plane))[..., None]
-        rays = plane * per_length
-        along = rays @ inverse[:, :2]
-        return rays, (inverse[:, :2] - rays[..., :, None] * along[..., None, :]) * per_length[..., None]
+    def _pinhole_rays(self, pixels: FloatArray) -> tuple[FloatArray, FloatArray]:
+        plane, derivative = lens.undistort_pinhole(self._distorted(pixels), self.dist_coeffs)
+        (a, b), (c, d) = np.linalg.inv(self.camera_matrix[:2, :2])
+        # Component by component: loops over the last axis, of two or three, would take ten times longer.
+        x, y = plane[..., 0], plane[..., 1]
+        per_length = 1.0 / np.sqrt(x * x + y * y + 1.0)
+        rays = np.stack([x * per_length, y * per_length, per_length])
+        jacobians = np.empty((3, 2, *x.shape))
+        for j, (to_u, to_v) in enumerate(((a, c), (b, d))):
+            x_slope = derivative[..., 0, 0] * to_u + derivative[..., 0, 1] * to_v
+            y_slope = derivative[..., 1, 0] * to_u + derivative[..., 1, 1] * to_v
+            along = x_slope * rays[0] + y_slope * rays[1]
+            jacobians[0, j] = (x_slope - rays[0] * along) * per_length
+            jacobians[1, j] = (y_slope - rays[1] * along) * per_length
+            jacobians[2, j] = -rays[2] * along * per_length
+        return np.moveaxis(rays, 0, -1), np.moveaxis(jacobians, (0, 1), (-2, -1))
+
+    def _distorted(self, pixels: FloatArray) -> FloatArray:
+        """Return the points (..., 2) of the distorted plane at `pixels` (..., 2)."""
+        (a, b), (c, d) = np.linalg.inv(self.camera_matrix[:2, :2])
+        centered = np.asarray(pixels, dtype=np.float64) - self.camera_matrix[:2, 2]
+        u, v = centered[..., 0], centered[..., 1]
+        plane = np.empty(centered.shape)
+        plane[..., 0], plane[..., 1] = a * u + b * v, c * u + d * v
+        return plane
 
     def scaled_to(self, image_size: tuple[int, int]) -> Self:
         """Return the camera of the same lens whose images were resized to `image_size` (width, height).

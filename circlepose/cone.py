@@ -14,6 +14,7 @@ from enum import StrEnum
 import numpy as np
 
 from circlepose._typing import FloatArray
+from circlepose.vectors import cross
 
 SIGNATURE = np.array([1.0, 1.0, -1.0])
 
@@ -71,9 +72,9 @@ def plane_basis(normal: FloatArray) -> tuple[FloatArray, FloatArray]:
     n = np.asarray(normal, dtype=np.float64)
     # The axis least parallel to the normal keeps the cross product long.
     helper = np.eye(3)[np.argmin(np.abs(n), axis=-1)]
-    first = np.cross(helper, n)
+    first = cross(helper, n)
     first = first / np.linalg.norm(first, axis=-1, keepdims=True)
-    return first, np.cross(n, first)
+    return first, cross(n, first)
 
 
 def cone_from_circle(center: FloatArray, normal: FloatArray, radius: FloatArray | float) -> FloatArray:
@@ -130,7 +131,7 @@ def principal_frame(factor: FloatArray) -> PrincipalFrame:
     t2_from_eigenvalue = np.maximum(values[..., 0] / axial, 0.0)
     t2 = np.where(t2_from_eigenvalue < 1e-3 * s2, t2_from_determinant, t2_from_eigenvalue)
     u = (across @ turn[..., :, 1:])[..., 0]
-    v = np.cross(w, u)
+    v = cross(w, u)
     return PrincipalFrame(
         rotation=np.stack([u, v, w], axis=-1),
         tan_half_major=np.sqrt(s2),

@@ -13,6 +13,7 @@ import numpy as np
 
 from circlepose._typing import BoolArray, FloatArray
 from circlepose.errors import ArgumentError
+from circlepose.vectors import cross
 
 _FLATTEST = 1e-7
 """Axis ratio below which a matrix in float64 does not tell an ellipse from a pair of lines."""
@@ -142,9 +143,9 @@ def dual(conic: FloatArray) -> FloatArray:
     c = np.asarray(conic, dtype=np.float64)
     rows = np.stack(
         [
-            np.cross(c[..., 1, :], c[..., 2, :]),
-            np.cross(c[..., 2, :], c[..., 0, :]),
-            np.cross(c[..., 0, :], c[..., 1, :]),
+            cross(c[..., 1, :], c[..., 2, :]),
+            cross(c[..., 2, :], c[..., 0, :]),
+            cross(c[..., 0, :], c[..., 1, :]),
         ],
         axis=-1,
     )

@@ -13,6 +13,7 @@ import numpy as np
 from circlepose._typing import FloatArray
 from circlepose.cone import principal_frame
 from circlepose.rim_modes import pose_derivatives
+from circlepose.vectors import cross
 
 _FLATTEST = 1e-12
 """Relative determinant of a factor, below which the circle is seen edge-on and its modes have no meaning."""
@@ -60,7 +61,7 @@ def pose_covariance(
 def is_first_order(factor: FloatArray, normal: FloatArray, covariance: FloatArray) -> bool:
     """Tell whether a `normal` with a pose's `covariance` is surely tilted from its cone's axis, where none holds."""
     axis = principal_frame(factor).rotation[:, 2]
-    from_axis = float(np.arctan2(np.linalg.norm(np.cross(normal, axis)), -float(normal @ axis)))
+    from_axis = float(np.arctan2(np.linalg.norm(cross(normal, axis)), -float(normal @ axis)))
     return from_axis >= _LEAST_SIGMAS * tilt_sigma(covariance)
 
 

@@ -8,12 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from circlepose._typing import FloatArray, Image
+from circlepose.acceptance import accepted
 from circlepose.camera import Camera
-from circlepose.conic import signed_distance
-from circlepose.fitting.band import bands_around
-from circlepose.fitting.direct import fit_ellipse
+from circlepose.fitting.band import bands_around, beyond_bands
 from circlepose.fitting.neighbours import bands_that_meet, light_of_neighbours
-from circlepose.fitting.photometric import Expected, LevelsFit, fit_to_levels
+from circlepose.fitting.photometric import Expected, fit_to_levels
 from circlepose.fitting.setting import (
     LOOSE,
     REACH_PX,
@@ -23,27 +22,14 @@ from circlepose.fitting.setting import (
     level_limits,
     start_blur,
 )
-from circlepose.fitting.viewing_cone import ConeFit, rim_distance_px
-from circlepose.measure import Rim, rim_pixels, with_edges_placed
+from circlepose.measure import Rim, with_edges_placed
 
 _MOST_PIXELS = 60_000
-_WORST_NOISE = 0.3
-_FARTHEST_PX = 2.5
-_FULL_RIM = 0.9
-_FARTHEST_HIDDEN_PX = 0.05
-_LEAST_AGAIN = 0.75
-_LEAST_RIM = 0.2
 _TIGHT = 0.03
 """Standard deviation of the inequality of the blur, after all rims have told of it."""
 _LEAST_UNEQUAL = 0.1
 """Less is not told from texture."""
-_ODD, _TINY_PX = 3.0, 7.0
-"""Residuals so many times the image's noise are none, on a disc of a semi-minor axis below the second."""
-_LEAST_SIGMAS = 2.5
-"""Semi-minor axis, in blurs, below which width and blur are hard to tell apart."""
-_WILD = 0.12
-"""The same of any disc, where they are more than this share of the contrast."""
-_NOISE_ROWS = 64
+_NOISE_ROWS, _NOISE_COLUMNS = 64, 128
 _LEAST_NOISE = 0.5
 _MANY = 5
 """Rims that tell of the blur that they share."""
@@ -54,7 +40,7 @@ _SMALL_PX = 20.0
 def refined(grey: Image, camera: Camera, rims: Sequence[Rim]) -> list[Rim]:
     """Fit the rims to the levels of `grey` (h, w); a rim whose levels tell nothing better stays as it is."""
     limits = level_limits(grey)
-    odd_noise = _ODD * noise_of(grey)
+    noise = noise_of(grey)
     done = list(rims)
     open_ = [i for i, rim in enumerate(rims) if rim.modes_covariance is None]
     reach = np.full(len(rims), REACH_PX)
@@ -73,7 +59,7 @@ def refined(grey: Image, camera: Camera, rims: Sequence[Rim]) -> list[Rim]:
         if again:
             reach = np.where(blurred, REACH_SIGMA * sigma, reach)
         neighbours = (ellipses, sigma, contrast.copy())
-        fits = {}
+        fits: dict[int, Rim] = {}
         for chunk in _chunks(order, rims, reach):
             bands = bands_around(grey, camera, [done[i].ellipse for i in chunk], reach[chunk])
             beside = light_of_neighbours(bands.pixels, np.array(chunk), *neighbours, reach)
@@ -88,10 +74,13 @@ def refined(grey: Image, camera: Camera, rims: Sequence[Rim]) -> list[Rim]:
                 perimeter,
                 limits,
                 beside=beside,
+                beyond=beyond_bands(grey, camera, [done[i].ellipse for i in chunk], reach[chunk], limits),
                 is_curved=is_curved(rims[chunk[0]].ellipse),
             )
+            fits.update(
+                zip(chunk, accepted(camera, [rims[i] for i in chunk], fit, noise, ~crowded[chunk]), strict=True)
+            )
             for k, i in enumerate(chunk):
-                fits[i] = _accepted(camera, rims[i], fit, k, odd_noise, lone=not crowded[i])
                 if fit.converged[k]:
                     blur[i], variance[i], contrast[i] = fit.blur[k], fit.blur_variance[k], fit.contrast_levels[k]
         for i, rim in fits.items():
@@ -105,10 +94,13 @@ def refined(grey: Image, camera: Camera, rims: Sequence[Rim]) -> list[Rim]:
 
 def noise_of(grey: Image) -> float:
     """Return about the standard deviation of the noise in `grey` (h, w), levels, from neighbours in sampled rows."""
-    rows = grey[:: max(1, grey.shape[0] // _NOISE_ROWS)].astype(np.float64)
-    if rows.shape[1] < 3:
+    height, width = grey.shape
+    if width < 3:
         return _LEAST_NOISE
-    bends = rows[:, 1:-1] - (rows[:, :-2] + rows[:, 2:]) / 2.0
+    rows = grey[:: max(1, height // _NOISE_ROWS)]
+    middle = np.arange(1, width - 1, max(1, width // _NOISE_COLUMNS))
+    left, middle, right = (rows[:, middle + shift].astype(np.float32) for shift in (-1, 0, 1))
+    bends = middle - (left + right) / 2.0
     return max(1.4826 * float(np.median(np.abs(bends))) / np.sqrt(1.5), _LEAST_NOISE)
 
 
@@ -129,37 +121,6 @@ def _chunks(order: Sequence[int], rims: Sequence[Rim], reach: FloatArray) -> Ite
         chunk.append(i)
     if chunk:
         yield chunk
-
-
-def _accepted(camera: Camera, rim: Rim, fit: LevelsFit, k: int, odd_noise: float, *, lone: bool) -> Rim:
-    factor = fit.factors[k]
-    noise = fit.noise_levels[k] / max(abs(float(fit.contrast_levels[k])), 1e-9)
-    # Of a tiny disc the levels tell no more than the edges where they are not understood.
-    is_tiny = lone and float(rim.ellipse.semi_minor) < _TINY_PX
-    is_odd = fit.noise_levels[k] > odd_noise and (is_tiny or noise > _WILD)
-    is_blob = float(rim.ellipse.semi_minor) < _LEAST_SIGMAS * np.exp(fit.blur[k, 0])
-    if not fit.converged[k] or noise >= _WORST_NOISE or is_odd or is_blob or fit.rim_used[k] <= _LEAST_RIM:
-        return rim
-    predicted = rim_pixels(camera, factor, 90)
-    ellipse = fit_ellipse(predicted)
-    # What hides a part of a rim has levels of its own, which pull: there the edges that agree have the last word.
-    hidden = rim.rim_used < _FULL_RIM
-    if fit.rim_used[k] < _LEAST_AGAIN * rim.rim_used:
-        return rim
-    farthest = _FARTHEST_HIDDEN_PX if hidden else _FARTHEST_PX
-    if ellipse is None or np.max(np.abs(signed_distance(rim.ellipse, predicted))) > farthest:
-        return rim
-    rays, jacobians = camera.rays_with_jacobian(rim.points)
-    second = np.sqrt(np.trace(fit.covariance[k, 3:, 3:]) / 2.0)
-    return replace(
-        rim,
-        cone=ConeFit(factor, rim_distance_px(factor, rays, jacobians)),
-        ellipse=ellipse,
-        rim_used=float(fit.rim_used[k]),
-        polarity=-1 if fit.contrast_levels[k] > 0.0 else 1,
-        axis_error_px=float(2.0 * second * ellipse.semi_major),
-        modes_covariance=fit.covariance[k],
-    )
 
 
 def _expected(blur: FloatArray, variance: FloatArray) -> Expected:

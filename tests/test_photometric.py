@@ -12,7 +12,7 @@ from circlepose.camera import Camera
 from circlepose.cone import factor_from_circle, plane_basis
 from circlepose.conic import Ellipse
 from circlepose.fitting.band import bands_around
-from circlepose.fitting.blurred_edge import LINEAR, fit_levels
+from circlepose.fitting.blurred_edge import LINEAR, Columns, fit_levels
 from circlepose.fitting.blurred_share import curved, places, straight
 from circlepose.fitting.viewing_cone import ConeFit
 from circlepose.measure import rim_from_fit, rim_pixels
@@ -159,7 +159,7 @@ def seen(radius_px, tilt_deg, reach=4.0):
     image = render(scene)
     bands = bands_around(image, scene.camera, [rim.ellipse], np.array([reach]))
     double = replace(
-        bands, **{name: getattr(bands, name).astype(np.float64) for name in ("levels", "weight", "rays", "jacobians")}
+        bands, **{name: getattr(bands, name).astype(np.float64) for name in ("levels", "weight", "rays")}
     )
     return double, factor, rim.ellipse
 
@@ -228,7 +228,7 @@ def test_unequal_blur_is_told_from_a_tilt():
     def rms(alpha):
         variance = 0.3**2 + 1.0 / 12.0 + (1.2**2 + 0.8**2) / 2.0
         share = curved(at, np.array([[np.log(variance) / 2.0, alpha, 0.0]]))
-        return float(fit_levels(bands, at, share, np.zeros((1, LINEAR))).square[0])
+        return float(fit_levels(Columns.of(bands, at, share), np.zeros((1, LINEAR))).square[0])
 
     wanted = (1.2**2 - 0.8**2) / (1.2**2 + 0.8**2 + 2.0 * (0.3**2 + 1.0 / 12.0))
     assert rms(wanted) < 0.1 * rms(0.0)

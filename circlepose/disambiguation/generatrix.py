@@ -22,6 +22,7 @@ import numpy as np
 from circlepose._typing import FloatArray, IntArray
 from circlepose.cone import plane_basis
 from circlepose.errors import ArgumentError
+from circlepose.vectors import cross
 
 _NO_DIRECTION = 1e-12
 
@@ -62,15 +63,15 @@ def generatrix_ends(
     taken, so that the ends correspond. Near and far are the big circle's.
     """
     axis = _mean_axis(normal_big, normal_small)
-    across, other = np.cross(center_big, normal_big), np.cross(center_small, normal_small)
+    across, other = cross(center_big, normal_big), cross(center_small, normal_small)
     across = across + np.where(np.sum(across * other, axis=-1, keepdims=True) < 0.0, -other, other)
     length = np.linalg.norm(across, axis=-1, keepdims=True)
     along_sight = length <= _NO_DIRECTION * np.linalg.norm(center_big, axis=-1, keepdims=True)
     # Looked at along the axis every plane through it is one of symmetry.
     across = np.where(along_sight, plane_basis(axis)[0], across / np.where(along_sight, 1.0, length))
     apart = center_big - center_small
-    arm_big = np.asarray(radius_big)[..., None] * _unit(np.cross(across, normal_big))
-    arm_small = np.asarray(radius_small)[..., None] * _unit(np.cross(across, normal_small))
+    arm_big = np.asarray(radius_big)[..., None] * _unit(cross(across, normal_big))
+    arm_small = np.asarray(radius_small)[..., None] * _unit(cross(across, normal_small))
     near, far = apart + (arm_big - arm_small), apart - (arm_big - arm_small)
     return np.stack([np.linalg.norm(near, axis=-1), np.linalg.norm(far, axis=-1)], axis=-1)
 
@@ -83,7 +84,7 @@ def axis_misalignment(
     Centres and unit normals (..., 3); the axis has the mean direction of both normals.
     """
     apart = center_small - center_big
-    return np.linalg.norm(np.cross(apart, _mean_axis(normal_big, normal_small)), axis=-1)
+    return np.linalg.norm(cross(apart, _mean_axis(normal_big, normal_small)), axis=-1)
 
 
 def height_from_generatrix(

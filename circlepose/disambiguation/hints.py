@@ -15,6 +15,7 @@ from scipy.special import log_expit, log_ndtr
 from circlepose._typing import FloatArray, IntArray, frozen
 from circlepose.cone import plane_basis
 from circlepose.errors import ArgumentError
+from circlepose.vectors import cross
 
 _OUTLIER = 25.0
 """Squared misfit, of 3 degrees of freedom, of a circle that is not in the plane; 2 in 100 000 good ones exceed it."""
@@ -134,7 +135,7 @@ def _gaussian(angles: FloatArray, spread_deg: FloatArray | float) -> FloatArray:
 
 def _angles(normals: FloatArray, direction: FloatArray) -> FloatArray:
     unit = np.asarray(direction, dtype=np.float64) / np.linalg.norm(direction)
-    return np.arctan2(np.linalg.norm(np.cross(normals, unit), axis=-1), normals @ unit)
+    return np.arctan2(np.linalg.norm(cross(normals, unit), axis=-1), normals @ unit)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

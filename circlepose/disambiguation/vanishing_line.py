@@ -21,6 +21,7 @@ from circlepose._typing import BoolArray, FloatArray
 from circlepose.cone import SIGNATURE, factor_from_cone, plane_basis
 from circlepose.conic import polar
 from circlepose.fitting.guaranteed import LATENT_CONICS
+from circlepose.vectors import cross
 
 ComplexArray = np.ndarray[tuple[int, ...], np.dtype[np.complex128]]
 
@@ -115,12 +116,12 @@ def rotation_from_circular_points(points: ComplexArray) -> FloatArray:
     """
     pair = np.stack([points[..., 0, :].real, points[..., 0, :].imag], axis=-1)
     gram = np.swapaxes(pair, -1, -2) @ pair
-    area = np.linalg.norm(np.cross(pair[..., 0], pair[..., 1]), axis=-1)[..., None, None]
+    area = np.linalg.norm(cross(pair[..., 0], pair[..., 1]), axis=-1)[..., None, None]
     trace = np.trace(gram, axis1=-2, axis2=-1)[..., None, None]
     # gram^(-1/2) of a 2 x 2 matrix; the adjugate is trace I - gram.
     inverse_root = ((trace + area) * np.eye(2) - gram) / (area * np.sqrt(trace + 2.0 * area))
     across = pair @ inverse_root
-    return np.concatenate([across, np.cross(across[..., 0], across[..., 1])[..., None]], axis=-1)
+    return np.concatenate([across, cross(across[..., 0], across[..., 1])[..., None]], axis=-1)
 
 
 def translation(imaged_center: FloatArray, radius: FloatArray | float, conic: FloatArray) -> FloatArray:
@@ -132,7 +133,7 @@ def translation(imaged_center: FloatArray, radius: FloatArray | float, conic: Fl
     """
     point = imaged_center
     normal = normal_from_imaged_center(conic, point)
-    across = np.cross(normal, point)
+    across = cross(normal, point)
     length = np.linalg.norm(across, axis=-1, keepdims=True)
     frontal = length <= 1e-9 * np.linalg.norm(point, axis=-1, keepdims=True)
     across = np.where(frontal, plane_basis(normal)[0], across / np.where(frontal, 1.0, length))

@@ -11,6 +11,11 @@ from circlepose._typing import BoolArray, FloatArray, Image, IntArray, RealArray
 from circlepose.camera import Camera
 from circlepose.conic import Ellipse
 
+_BEYOND_PX = np.arange(1.0, 13.0)
+"""What is looked at beyond a band, from its border."""
+_PER_PX, _ANGLES = 3.2, (16, 640)
+"""Places along each ellipse, for a px of its major axis, and least and most."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Bands:
@@ -21,9 +26,7 @@ class Bands:
     weight: RealArray
     """(m, k) 1, or 0 for a pixel that does not count"""
     rays: RealArray
-    """(3, m, k) unit length"""
-    jacobians: RealArray
-    """(3, 2, m, k) d ray / d pixel"""
+    """(m, 3, 3, k) unit rays, and beside each its derivatives to the pixel's x and y"""
     pixels: FloatArray
     """(m, k, 2)"""
 
@@ -32,8 +35,7 @@ class Bands:
         return Bands(
             self.levels[which],
             self.weight[which],
-            self.rays[:, which],
-            self.jacobians[:, :, which],
+            self.rays[which],
             self.pixels[which],
         )
 
@@ -43,30 +45,37 @@ class Bands:
 
     def thinned(self, step: int) -> Bands:
         """Return every so many-th of the pixels."""
-        return Bands(
-            self.levels[:, ::step],
-            self.weight[:, ::step],
-            self.rays[:, :, ::step],
-            self.jacobians[:, :, :, ::step],
-            self.pixels[:, ::step],
+        levels, weight, rays = (
+            np.ascontiguousarray(each[..., ::step]) for each in (self.levels, self.weight, self.rays)
         )
+        return Bands(levels, weight, rays, self.pixels[:, ::step])
 
     def weighted(self, weight: RealArray) -> Bands:
         """Return the same pixels with another `weight` (m, k)."""
         return replace(self, weight=weight)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Beyond:
+    """Pixels farther from m rims than their bands, k each on both sides: the first index is 0 inside, 1 outside."""
+
+    levels: RealArray
+    """(2, m, k)"""
+    weight: RealArray
+    """(2, m, k) 1, or less for a pixel that others of the same place stand beside"""
+    rays: RealArray
+    """(2, m, 3, k) unit length"""
+
+
 def bands_around(grey: Image, camera: Camera, rims: Sequence[Ellipse], reach_px: FloatArray) -> Bands:
     """Gather the pixels of `grey` (h, w) within about `reach_px` (m,) of m rims, given by their image ellipses."""
-    found = [pixels_around(ellipse, float(reach), grey.shape) for ellipse, reach in zip(rims, reach_px, strict=True)]
-    longest = max(1, *(len(x) for x, _ in found))
-    x, y = np.zeros((2, len(found), longest), dtype=np.int64)
-    weight = np.zeros((len(found), longest))
-    for i, (columns, rows) in enumerate(found):
-        # What pads a row is a pixel of the same rim, so that all numbers stay finite.
-        x[i], y[i] = (columns[0], rows[0]) if len(columns) else (0, 0)
-        x[i, : len(columns)], y[i, : len(rows)] = columns, rows
-        weight[i, : len(columns)] = 1.0
+    x, y, weight = _joined(
+        [
+            pixels_between(each, -reach, reach, grey.shape)
+            for each, reach in zip(rims, reach_px.tolist(), strict=True)
+        ],
+        grey.shape,
+    )
     pixels = np.stack([x, y], axis=-1).astype(np.float64)
     rays, jacobians = camera.rays_with_jacobian(pixels)
     unseen = ~(np.isfinite(rays).all(axis=-1) & np.isfinite(jacobians).all(axis=(-2, -1)))
@@ -74,31 +83,77 @@ def bands_around(grey: Image, camera: Camera, rims: Sequence[Ellipse], reach_px:
         # Beyond the lens model; any ray that is finite will do.
         weight[unseen] = 0.0
         rays[unseen], jacobians[unseen] = np.array([0.0, 0.0, 1.0]), np.eye(3)[:, :2]
-    return Bands(
-        levels=grey[y, x].astype(np.float32),
-        weight=weight.astype(np.float32),
-        rays=np.ascontiguousarray(np.moveaxis(rays, -1, 0), dtype=np.float32),
-        jacobians=np.ascontiguousarray(np.moveaxis(jacobians, (-2, -1), (0, 1)), dtype=np.float32),
-        pixels=pixels,
-    )
+    both = np.empty((len(x), 3, 3, x.shape[1]), np.float32)
+    both[:, :, 0] = np.moveaxis(rays, -1, 1)
+    both[:, :, 1:] = np.moveaxis(jacobians, 1, -1)
+    return Bands(grey[y, x].astype(np.float32), weight.astype(np.float32), both, pixels)
 
 
-def pixels_around(ellipse: Ellipse, reach_px: float, shape: tuple[int, ...]) -> tuple[IntArray, IntArray]:
-    """Return columns and rows (n,) of the pixels between the ellipses with axes longer and shorter by `reach_px`.
+def beyond_bands(
+    grey: Image, camera: Camera, rims: Sequence[Ellipse], reach_px: FloatArray, limits: tuple[float, float]
+) -> Beyond:
+    """Sample pixels along ellipses farther in and out than `reach_px` (m,); those at the `limits` do not count."""
+    axes = np.array([(float(rim.semi_major), float(rim.semi_minor)) for rim in rims])
+    turn = np.array([(np.cos(rim.angle), np.sin(rim.angle)) for rim in rims])[:, :, None, None]
+    center = np.array([rim.center for rim in rims])[:, :, None, None]
+    number = int(np.clip(_PER_PX * axes.max(), *_ANGLES))
+    angle = np.linspace(0.0, 2.0 * np.pi, number, endpoint=False)
+    off = reach_px[:, None] + _BEYOND_PX
+    grown = axes[:, :, None] + np.stack([-off, off])[:, :, None]
+    along, across = grown[:, :, 0, :, None] * np.cos(angle), grown[:, :, 1, :, None] * np.sin(angle)
+    x = np.rint(center[:, 0] + turn[:, 0] * along - turn[:, 1] * across)
+    y = np.rint(center[:, 1] + turn[:, 1] * along + turn[:, 0] * across)
+    height, width = grey.shape
+    weight = np.clip(np.pi * grown.sum(axis=2) * (_BEYOND_PX[1] - _BEYOND_PX[0]) / number, 0.0, 1.0)
+    weight = weight * (grown[:, :, 1] > 0.0)
+    weight = weight[..., None] * ((x >= 0.0) & (x < width) & (y >= 0.0) & (y < height))
+    x, y = np.clip(x, 0.0, width - 1.0), np.clip(y, 0.0, height - 1.0)
+    levels = grey[y.astype(np.intp), x.astype(np.intp)].astype(np.float32)
+    shape = (2, len(rims), -1)
+    rays = camera.rays(np.stack([x, y], axis=-1)).reshape(*shape, 3)
+    unseen = ~np.isfinite(rays[..., 2])
+    rays[unseen] = [0.0, 0.0, 1.0]
+    weight, levels = weight.reshape(shape), levels.reshape(shape)
+    weight[unseen | (levels <= limits[0]) | (levels >= limits[1])] = 0.0
+    return Beyond(levels, weight.astype(np.float32), np.ascontiguousarray(np.moveaxis(rays, -1, 2), dtype=np.float32))
+
+
+def _joined(
+    found: Sequence[tuple[IntArray, IntArray]], shape: tuple[int, ...]
+) -> tuple[IntArray, IntArray, FloatArray]:
+    """Return columns, rows and weights (m, k) of pixels that were found for each of m rims."""
+    longest = max(1, *(len(x) for x, _ in found))
+    x, y = np.zeros((2, len(found), longest), dtype=np.int64)
+    weight = np.zeros((len(found), longest))
+    middle = (shape[1] // 2, shape[0] // 2)
+    for i, (columns, rows) in enumerate(found):
+        # What pads a row is a pixel of the same rim, or else the middle one, so that all numbers are finite.
+        x[i], y[i] = (columns[0], rows[0]) if len(columns) else middle
+        x[i, : len(columns)], y[i, : len(rows)] = columns, rows
+        weight[i, : len(columns)] = 1.0
+    return x, y, weight
+
+
+def pixels_between(
+    ellipse: Ellipse, low_px: float, high_px: float, shape: tuple[int, ...]
+) -> tuple[IntArray, IntArray]:
+    """Return columns and rows (n,) of the pixels between ellipses with axes longer by `low_px` and by `high_px`.
 
     Row by row, as two runs where the inner ellipse is crossed, so that the work is that of the band alone.
     """
     a, b, angle = float(ellipse.semi_major), float(ellipse.semi_minor), float(ellipse.angle)
     center_x, center_y = ellipse.center
     height, width = shape
-    half_height = np.hypot((a + reach_px) * np.sin(angle), (b + reach_px) * np.cos(angle))
+    if b + high_px <= 0.0:
+        return np.zeros(0, np.int64), np.zeros(0, np.int64)
+    half_height = np.hypot((a + high_px) * np.sin(angle), (b + high_px) * np.cos(angle))
     first = max(int(np.ceil(center_y - half_height)), 0)
     rows = np.arange(first, max(min(int(np.floor(center_y + half_height)) + 1, height), first))
-    left, right = _crossings(rows - center_y, a + reach_px, b + reach_px, angle)
+    left, right = _crossings(rows - center_y, a + high_px, b + high_px, angle)
     start, end = np.ceil(center_x + left), np.floor(center_x + right) + 1.0
     hole_start = hole_end = end
-    if b > reach_px:
-        left, right = _crossings(rows - center_y, a - reach_px, b - reach_px, angle)
+    if b + low_px > 0.0:
+        left, right = _crossings(rows - center_y, a + low_px, b + low_px, angle)
         crossed = np.isfinite(left)
         hole_start = np.where(crossed, np.ceil(center_x + left), end)
         hole_end = np.where(crossed, np.floor(center_x + right) + 1.0, end)

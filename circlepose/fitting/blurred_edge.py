@@ -15,16 +15,17 @@ overfitted: `stiffness` says how small.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol, Self
 
 import numpy as np
-from scipy.special import ndtr
 
 from circlepose._typing import FloatArray, RealArray
 from circlepose.fitting.band import Bands
-from circlepose.fitting.blurred_share import Places, Share
+from circlepose.fitting.blurred_share import Places, Share, normal_share
 
 LINEAR = 11
-_SHAPES = 5
+"""Levels in all: harmonic polynomials inside and outside, and the term beside a Gaussian."""
+SHAPES = 5
 _RIDGE = 1e-9
 """Relative to the mean square of the columns: levels that no pixel tells of stay finite."""
 _WIDER = 2.5
@@ -35,41 +36,56 @@ _PLAIN = np.array([*_EXPECTED[:-1], 1e-4])
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Levels:
-    """The levels that fit best, for given cones and blurs; what is said of pixels has the root of their weight."""
+    """The levels that fit best, for given cones and blurs; a pixel counts with its weight, 0 or 1."""
 
     residual: RealArray
     """(m, k) model minus measured"""
     slopes: RealArray
     """(m, 8, k) derivatives to the five modes and the blur, at fixed levels"""
     linear: RealArray
-    """(m, 11, k) derivatives to the levels"""
+    """(m, 12, k) derivatives to the levels, and what was measured"""
     gram: FloatArray
-    """(m, 11, 12) information on the levels, times the noise's variance"""
+    """(m, 11, 11) information on the levels, times the noise's variance"""
+    levels: FloatArray
+    """(m, 11)"""
     model: RealArray
     """(m, k) the level, whatever the weight"""
-    contrast: FloatArray
-    """(m,) levels inside minus outside, on average around the rim"""
     square: FloatArray
     """(m,) sum of squares of the residual"""
     cost: FloatArray
     """(m,) the same, and that of levels that are not as expected"""
 
-    def normal_equations(self) -> tuple[FloatArray, FloatArray]:
-        """Return matrix (m, 8, 8) and right side (m, 8) for modes and blur, the levels eliminated."""
-        across = (self.linear @ self.slopes.transpose(0, 2, 1)).astype(np.float64)
+    @property
+    def contrast(self) -> FloatArray:
+        """Levels inside minus outside, on average around the rim (m,)."""
+        return self.levels[:, 0] - self.levels[:, SHAPES]
+
+    def normal_equations(self) -> Equations:
+        """Return the equations of the modes and the blur, the levels eliminated."""
+        across = (self.linear @ self.slopes.transpose(0, 2, 1)).astype(np.float64)[:, :LINEAR]
+        made_up = np.linalg.solve(self.gram, across)
         matrix = (self.slopes @ self.slopes.transpose(0, 2, 1)).astype(np.float64)
-        matrix -= across.transpose(0, 2, 1) @ self._made_up(across)
+        matrix -= across.transpose(0, 2, 1) @ made_up
         # The cost is least in the levels, so their change with the modes does not count.
-        return matrix, (self.slopes @ self.residual[..., None])[..., 0].astype(np.float64)
+        gradient = (self.slopes @ self.residual[..., None])[..., 0].astype(np.float64)
+        return Equations(matrix, gradient, np.asarray(made_up))
 
-    def projected_slopes(self) -> RealArray:
+    def projected_slopes(self, equations: Equations) -> RealArray:
         """Return the slopes (m, 8, k) less what the levels make up for, which is no information."""
-        across = self.linear @ self.slopes.transpose(0, 2, 1)
-        return self.slopes - self._made_up(across).transpose(0, 2, 1) @ self.linear
+        made_up = equations.made_up.transpose(0, 2, 1).astype(self.slopes.dtype)
+        return self.slopes - made_up @ self.linear[:, :LINEAR]
 
-    def _made_up(self, across: FloatArray) -> FloatArray:
-        """Return (m, 11, 8) the change of levels that makes up best for each of the slopes."""
-        return np.asarray(np.linalg.solve(self.gram, across))
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Equations:
+    """Normal equations of modes and blur, the levels eliminated."""
+
+    matrix: FloatArray
+    """(m, 8, 8)"""
+    gradient: FloatArray
+    """(m, 8)"""
+    made_up: FloatArray
+    """(m, 11, 8) the change of levels that makes up best for each of the slopes"""
 
 
 def stiffness(variance: FloatArray, contrast: FloatArray, *, plain: bool = False) -> FloatArray:
@@ -81,46 +97,92 @@ def stiffness(variance: FloatArray, contrast: FloatArray, *, plain: bool = False
     return np.asarray(variance[:, None] / expected**2)
 
 
-def fit_levels(bands: Bands, at: Places, share: Share, stiff: FloatArray) -> Levels:
-    """Fit the levels of m blurred edges to the pixels of `bands`, with their `share` and `stiff` levels (m, 11)."""
-    z = share.z
-    root = bands.weight
-    shapes = _shapes(at)
-    linear = np.empty((len(z), LINEAR, z.shape[1]), z.dtype)
-    np.multiply(shapes, share.share[:, None], out=linear[:, :_SHAPES])
-    np.subtract(shapes, linear[:, :_SHAPES], out=linear[:, _SHAPES:-1])
-    across, along = share.widths.across, share.widths.along
-    wide = -(at.distance_px / _WIDER + 0.5 * _WIDER * at.curvature * along**2) / across
-    linear[:, -1] = ndtr(wide) - share.straight
-    weighted = linear * root[:, None]
-    gram = (weighted @ weighted.transpose(0, 2, 1)).astype(np.float64)
+@dataclass(frozen=True, slots=True, eq=False)
+class Columns:
+    """What the levels multiply, and the sums over pixels in which they are linear."""
+
+    share: Share
+    shapes: RealArray
+    """(m, 5, k)"""
+    columns: RealArray
+    """(m, 12, k) derivatives to the levels, and what was measured, whatever the weight"""
+    weighted: RealArray
+    """(m, 12, k)"""
+    weight: RealArray
+    """(m, k)"""
+    products: FloatArray
+    """(m, 12, 12)"""
+    odd_slope: RealArray
+    """(m, k) change of the last column with the edge, relative to that of the share"""
+
+    @classmethod
+    def of(cls, bands: Bands, at: Places, share: Share) -> Self:
+        """Return those of the pixels of `bands`, `at` their places, with their `share`."""
+        z = share.z
+        shapes = harmonics(*at.plane)
+        # A multiple of four rows, which products of matrices like; what was measured among them, as the right side.
+        columns = np.empty((len(z), LINEAR + 1, z.shape[1]), z.dtype)
+        np.multiply(shapes, share.share[:, None], out=columns[:, :SHAPES])
+        np.subtract(shapes, columns[:, :SHAPES], out=columns[:, SHAPES:-2])
+        across, along = share.widths.across, share.widths.along
+        wide = -(at.distance_px / _WIDER + 0.5 * _WIDER * at.curvature * along**2) / across
+        columns[:, -2] = normal_share(wide)[1] - share.straight
+        columns[:, -1] = bands.levels
+        odd_slope = np.exp(np.minimum(0.5 * (z * z - wide * wide), 8.0)) / _WIDER - 1.0
+        weighted = columns * bands.weight[:, None]
+        products = (weighted @ columns.transpose(0, 2, 1)).astype(np.float64)
+        return cls(share, shapes, columns, weighted, bands.weight, products, odd_slope)
+
+
+class MoreLevels(Protocol):
+    """What is known of the levels beside the pixels in a band: sums of squares."""
+
+    @property
+    def gram(self) -> FloatArray:
+        """(m, 11, 11)."""
+
+    @property
+    def right(self) -> FloatArray:
+        """(m, 11)."""
+
+    def misfit(self, levels: FloatArray) -> FloatArray:
+        """Return (m,) the sum of squares at `levels` (m, 11)."""
+
+
+def fit_levels(columns: Columns, stiff: FloatArray, more: MoreLevels | None = None) -> Levels:
+    """Fit the levels of m blurred edges, as `stiff` as (m, 11) says, and with what `more` there is known of them."""
+    share, shapes = columns.share, columns.shapes
+    gram = columns.products[:, :-1, :-1]
     ridge = _RIDGE * np.trace(gram, axis1=1, axis2=2) / LINEAR + 1e-30
-    gram += (stiff + ridge[:, None])[:, :, None] * np.eye(LINEAR)
-    levels = np.linalg.solve(gram, (weighted @ (bands.levels * root)[..., None]).astype(np.float64))[..., 0]
-    few = levels.astype(z.dtype)
-    model = (few[:, None] @ linear)[:, 0]
-    residual = (model - bands.levels) * root
-    step = ((few[:, None, :_SHAPES] - few[:, None, _SHAPES:-1]) @ shapes)[:, 0]
+    gram = gram + (stiff + ridge[:, None])[:, :, None] * np.eye(LINEAR)
+    right = columns.products[:, :-1, -1]
+    if more is not None:
+        gram, right = gram + more.gram, right + more.right
+    levels = np.linalg.solve(gram, right[..., None])[..., 0]
+    few = levels.astype(shapes.dtype)[:, None]
+    model = (few @ columns.columns[:, :-1])[:, 0]
+    residual = (model - columns.columns[:, -1]) * columns.weight
+    step = ((few[..., :SHAPES] - few[..., SHAPES:-1]) @ shapes)[:, 0]
     # The odd term moves with the edge.
-    step += few[:, -1:] * (np.exp(np.minimum(0.5 * (z * z - wide * wide), 8.0)) / _WIDER - 1.0)
+    step += few[..., -1] * columns.odd_slope
+    step *= columns.weight
     square = np.einsum("mk,mk->m", residual, residual).astype(np.float64)
     return Levels(
         residual=residual,
-        slopes=share.by_parameters * (step * root)[:, None],
-        linear=weighted,
+        slopes=share.by_parameters * step[:, None],
+        linear=columns.weighted,
         gram=gram,
+        levels=levels,
         model=model,
-        contrast=levels[:, 0] - levels[:, _SHAPES],
         square=square,
-        cost=square + np.sum(stiff * levels**2, axis=1),
+        cost=square + np.sum(stiff * levels**2, axis=1) + (0.0 if more is None else more.misfit(levels)),
     )
 
 
-def _shapes(at: Places) -> RealArray:
-    """Return the harmonic polynomials (m, 5, k) of p up to second order."""
-    p0, p1 = at.plane
-    shapes = np.empty((len(p0), _SHAPES, p0.shape[1]), p0.dtype)
-    shapes[:, 0], shapes[:, 1], shapes[:, 2] = 1.0, p0, p1
-    np.subtract(p0 * p0, p1 * p1, out=shapes[:, 3])
-    np.multiply(2.0 * p0, p1, out=shapes[:, 4])
+def harmonics(p0: RealArray, p1: RealArray) -> RealArray:
+    """Return the harmonic polynomials (..., 5, k) up to second order of places p (..., k)."""
+    shapes = np.empty((*p0.shape[:-1], SHAPES, p0.shape[-1]), p0.dtype)
+    shapes[..., 0, :], shapes[..., 1, :], shapes[..., 2, :] = 1.0, p0, p1
+    np.subtract(p0 * p0, p1 * p1, out=shapes[..., 3, :])
+    np.multiply(2.0 * p0, p1, out=shapes[..., 4, :])
     return shapes

@@ -17,7 +17,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import ndtr
 
 from circlepose._typing import FloatArray, RealArray
 from circlepose.fitting.band import Bands
@@ -28,6 +27,8 @@ _TIGHTEST = 0.3
 BLUR = 3
 _MOST_BEND = 0.7
 _ROOT_TWO_PI = float(np.sqrt(2.0 * np.pi))
+_TAIL_SCALE = 0.2316419
+_TAIL = (1.330274429, -1.821255978, 1.781477937, -0.356563782, 0.319381530)
 _LINES, _LINE_WEIGHTS = np.polynomial.hermite_e.hermegauss(7)
 _LINE_WEIGHTS = _LINE_WEIGHTS / _ROOT_TWO_PI
 
@@ -91,30 +92,40 @@ class Share:
 
 def places(bands: Bands, factors: FloatArray) -> Places:
     """Find where the pixels of `bands` lie about the rims of cones with `factors` (m, 3, 3)."""
+    m, k = bands.levels.shape
     inverse = np.linalg.inv(factors).astype(bands.rays.dtype)
-    (m, k) = bands.levels.shape
-    y = inverse @ np.moveaxis(bands.rays, 0, 1)
-    yj = (inverse @ np.moveaxis(bands.jacobians, 2, 0).reshape(m, 3, 2 * k)).reshape(m, 3, 2, k)
-    per_depth = 1.0 / y[:, 2]
-    p0, p1 = y[:, 0] * per_depth, y[:, 1] * per_depth
-    # d p / d pixel
-    d00, d01 = ((yj[:, 0, j] - p0 * yj[:, 2, j]) * per_depth for j in (0, 1))
-    d10, d11 = ((yj[:, 1, j] - p1 * yj[:, 2, j]) * per_depth for j in (0, 1))
+    local = (inverse @ bands.rays.reshape(m, 3, 3 * k)).reshape(m, 3, 3, k)
+    per_depth = 1.0 / local[:, 2, 0]
+    p = local[:, :2, 0] * per_depth[:, None]
+    # d p / d x and d p / d y of the pixel
+    by_x, by_y = ((local[:, :2, j] - p * local[:, 2:, j]) * per_depth[:, None] for j in (1, 2))
+    p0, p1 = p[:, 0], p[:, 1]
     radius = np.sqrt(p0 * p0 + p1 * p1)
     per_radius = 1.0 / np.maximum(radius, 1e-9)
     u0, u1 = p0 * per_radius, p1 * per_radius
-    g0, g1 = u0 * d00 + u1 * d10, u0 * d01 + u1 * d11
+    g0, g1 = u0 * by_x[:, 0] + u1 * by_x[:, 1], u0 * by_y[:, 0] + u1 * by_y[:, 1]
     slope = np.maximum(np.sqrt(g0 * g0 + g1 * g1), 1e-12)
-    n0, n1 = g0 / slope, g1 / slope
-    across0, across1 = d00 * n0 + d01 * n1, d10 * n0 + d11 * n1
-    along0, along1 = d01 * n0 - d00 * n1, d11 * n0 - d10 * n1
-    sideways = u0 * across1 - u1 * across0
-    distance = (radius - 1.0) / slope
-    distance = distance + 0.5 * sideways * sideways * per_radius / slope * distance * distance
-    curvature = (along0 * along0 + along1 * along1) * per_radius / slope
-    curvature = curvature / np.maximum(1.0 - curvature * distance, _TIGHTEST)
+    per_slope = 1.0 / slope
+    n0, n1 = g0 * per_slope, g1 * per_slope
+    across = by_x * n0[:, None] + by_y * n1[:, None]
+    along = by_y * n0[:, None] - by_x * n1[:, None]
+    sideways = u0 * across[:, 1] - u1 * across[:, 0]
+    bend = per_radius * per_slope
+    distance = (radius - 1.0) * per_slope
+    distance += 0.5 * bend * (sideways * distance) ** 2
+    curvature = (along[:, 0] ** 2 + along[:, 1] ** 2) * bend
+    curvature /= np.maximum(1.0 - curvature * distance, _TIGHTEST)
     doubled = (n0 * n0 - n1 * n1, 2.0 * n0 * n1)
-    return Places(distance, curvature, (p0, p1), radius, (across0, across1), (along0, along1), slope, doubled)
+    return Places(
+        distance,
+        curvature,
+        (p0, p1),
+        radius,
+        (across[:, 0], across[:, 1]),
+        (along[:, 0], along[:, 1]),
+        slope,
+        doubled,
+    )
 
 
 def straight(at: Places, blur: FloatArray) -> Share:
@@ -122,7 +133,7 @@ def straight(at: Places, blur: FloatArray) -> Share:
     widths = _widths(at, blur)
     shift = 0.5 * at.curvature * widths.along**2
     z = -(at.distance_px + shift) / widths.across
-    density = np.exp(-0.5 * z * z) * (1.0 / _ROOT_TWO_PI)
+    density, share = normal_share(z)
     by_growth = density / (widths.across * at.slope)
     p0, p1 = at.plane
     per_radius = by_growth / np.maximum(at.radius, 1e-9)
@@ -131,7 +142,6 @@ def straight(at: Places, blur: FloatArray) -> Share:
     by_parameters[:, 1], by_parameters[:, 2] = p0 * per_radius, p1 * per_radius
     by_parameters[:, 3], by_parameters[:, 4] = (p0 * p0 - p1 * p1) * per_radius, 2.0 * p0 * p1 * per_radius
     widths.fill(by_parameters, -density * z, density * (-2.0 * shift / widths.across))
-    share = ndtr(z)
     return Share(share, by_parameters, z, share, widths)
 
 
@@ -154,10 +164,11 @@ def curved(at: Places, blur: FloatArray) -> Share:
             c0, c1 = q0 + s * v0, q1 + s * v1
             steep = sign * root * vv
             at_end = s / widths.across
-            density = np.exp(-0.5 * at_end * at_end) * (sign * weight / _ROOT_TWO_PI)
+            density, inside = normal_share(at_end)
+            density *= sign * weight
             # A line that misses the rim has both ends in one place.
             density[under_root <= 1e-12] = 0.0
-            share += sign * weight * ndtr(at_end)
+            share += (sign * weight) * inside
             by_across -= density * at_end
             moved = density / (widths.across * steep)
             by_along -= moved * (line * widths.along) * (c0 * t0 + c1 * t1)
@@ -168,7 +179,23 @@ def curved(at: Places, blur: FloatArray) -> Share:
             by_parameters[:, 4] += moved * (2.0 * c0 * c1)
     widths.fill(by_parameters, by_across, by_along)
     z = -(at.distance_px + 0.5 * at.curvature * widths.along**2) / widths.across
-    return Share(share, by_parameters, z, ndtr(z), widths)
+    return Share(share, by_parameters, z, normal_share(z)[1], widths)
+
+
+def normal_share(z: RealArray) -> tuple[RealArray, RealArray]:
+    """Return the density of the normal distribution and its share below z, to 1e-7.
+
+    That is as good as float32 holds, and three times faster than `scipy.special.ndtr` (Abramowitz & Stegun 26.2.17).
+    """
+    density = np.exp(-0.5 * z * z)
+    density *= 1.0 / _ROOT_TWO_PI
+    t = 1.0 / (1.0 + _TAIL_SCALE * np.abs(z))
+    tail = t * _TAIL[0]
+    for coefficient in _TAIL[1:]:
+        tail += coefficient
+        tail *= t
+    tail *= density
+    return density, 0.5 + np.copysign(0.5 - tail, z)
 
 
 def _widths(at: Places, blur: FloatArray) -> Widths:

@@ -10,7 +10,7 @@ from circlepose.conic import Ellipse
 REACH_PX = 4.0
 REACH_SIGMA = 3.5
 """How far from the rim a band reaches: px, or blurs."""
-LOOSE = 0.05
+LOOSE = 0.03
 """Standard deviation of the inequality of the blur before any image is seen."""
 _START_SIGMA_PX = 0.8
 _CURVED_PX = 8.0

@@ -22,6 +22,7 @@ from circlepose.cone import PrincipalFrame, plane_basis
 from circlepose.conic import Ellipse, signed_distance
 from circlepose.fitting.consensus import local_scatter, on_one_ellipse
 from circlepose.fitting.direct import fit_ellipse
+from circlepose.vectors import cross
 
 _WINDOW_SHARE = 0.1
 """Share of the contour around a point through which a low polynomial is laid."""
@@ -98,7 +99,7 @@ def _without_outliers(rays: FloatArray) -> FloatArray:
 def _find(rays: FloatArray, sub_pixel: bool) -> Chords | str:
     first, second = _widest_pair(rays)
     p, q = rays[first], rays[second]
-    if float(np.linalg.norm(np.cross(p, q))) == 0.0:
+    if float(np.linalg.norm(cross(p, q))) == 0.0:
         return "all points of the contour are the same"
     turn = _frame(p, q)
     if sub_pixel:
@@ -122,9 +123,9 @@ def _frame(p: FloatArray, q: FloatArray) -> FloatArray:
     """Return the rows u, v, w: w along the bisector, v normal to the plane of p and q, p on the side of u."""
     w = p + q
     w = w / np.linalg.norm(w)
-    v = np.cross(w, p)
+    v = cross(w, p)
     v = v / np.linalg.norm(v)
-    return np.stack([np.cross(v, w), v, w])
+    return np.stack([cross(v, w), v, w])
 
 
 def _plane(rays: FloatArray, turn: FloatArray) -> FloatArray:

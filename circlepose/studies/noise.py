@@ -29,6 +29,7 @@ from circlepose.solvers.chords import chords_from_contour
 from circlepose.studies.nearness import angle_deg
 from circlepose.studies.published import NOISE, NOISE_REPEATS
 from circlepose.studies.scenes import CD_RADIUS_MM, cd_pose, chen_huang_camera
+from circlepose.vectors import cross
 
 Points = Literal["p, q, b, c", "whole contour", "chords found anew"]
 
@@ -155,10 +156,10 @@ def frames_from_points(camera: Camera, pixels: FloatArray) -> PrincipalFrame:
     p, q, b, c = np.moveaxis(camera.rays(pixels), -2, 0)
     w = p + q
     w = w / np.linalg.norm(w, axis=-1, keepdims=True)
-    v = np.cross(p, q)
+    v = cross(p, q)
     v = v / np.linalg.norm(v, axis=-1, keepdims=True)
     s, t = _tan_half(p, q), _tan_half(b, c)
-    return PrincipalFrame(np.stack([np.cross(v, w), v, w], axis=-1), s, np.minimum(t, s))
+    return PrincipalFrame(np.stack([cross(v, w), v, w], axis=-1), s, np.minimum(t, s))
 
 
 def contour_pixels(reading: Reading) -> FloatArray:
