@@ -9,7 +9,7 @@ import numpy as np
 
 from circlepose._typing import BoolArray, FloatArray
 from circlepose.camera import Camera
-from circlepose.conic import rim_distance
+from circlepose.conic import Ellipse, rim_distance
 from circlepose.fitting.direct import Contours, fit_ellipses
 from circlepose.fitting.photometric import LevelsFit
 from circlepose.fitting.viewing_cone import ConeFit, rim_distance_px
@@ -40,22 +40,28 @@ def accepted(camera: Camera, rims: Sequence[Rim], fit: LevelsFit, noise_levels: 
     believed = np.flatnonzero(_are_believed(rims, fit, noise_levels, lone))
     if len(believed) == 0:
         return done
-    predicted = [rim_pixels(camera, fit.factors[k], _PLACES) for k in believed]
-    ellipses, found = fit_ellipses(Contours.of(predicted))
+    factors = fit.factors[believed]
+    predicted = rim_pixels(camera, factors, _PLACES)
+    ellipses, found = fit_ellipses(Contours.of(list(predicted)))
+    # What hides a part of a rim has levels of its own, which pull: there the edges that agree have the last word.
+    hidden = np.array([rims[k].rim_used < _FULL_RIM for k in believed.tolist()])
+    before = Ellipse.batch([rims[k].ellipse for k in believed.tolist()])
+    farthest = np.max(np.abs(rim_distance(before, predicted)), axis=1)
+    found &= farthest <= np.where(hidden, _FARTHEST_HIDDEN_PX, _FARTHEST_PX)
+    edges = Contours.of([rims[k].points for k in believed.tolist()])
+    residuals = rim_distance_px(factors[edges.owner], *camera.rays_with_jacobian(edges.points))
+    ends = np.append(edges.starts, len(residuals))
     for j, k in enumerate(believed.tolist()):
-        rim, factor, ellipse = rims[k], fit.factors[k], ellipses[j]
-        # What hides a part of a rim has levels of its own, which pull: there the edges that agree have the last word.
-        farthest = _FARTHEST_PX if rim.rim_used >= _FULL_RIM else _FARTHEST_HIDDEN_PX
-        if not found[j] or np.max(np.abs(rim_distance(rim.ellipse, predicted[j]))) > farthest:
+        if not found[j]:
             continue
         second = np.sqrt(np.trace(fit.covariance[k, 3:, 3:]) / 2.0)
         done[k] = replace(
-            rim,
-            cone=ConeFit(factor, rim_distance_px(factor, *camera.rays_with_jacobian(rim.points))),
-            ellipse=ellipse,
+            rims[k],
+            cone=ConeFit(factors[j], residuals[ends[j] : ends[j + 1]]),
+            ellipse=ellipses[j],
             rim_used=float(fit.rim_used[k]),
             polarity=-1 if fit.contrast_levels[k] > 0.0 else 1,
-            axis_error_px=float(2.0 * second * ellipse.semi_major),
+            axis_error_px=float(2.0 * second * ellipses[j].semi_major),
             modes_covariance=fit.covariance[k],
         )
     return done

@@ -6,6 +6,7 @@ is on it when `x' C x = 0`. All functions take leading batch axes.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Self
 
@@ -49,6 +50,16 @@ class Ellipse:
             semi_major=np.max(axes, axis=-1),
             semi_minor=np.min(axes, axis=-1),
             angle=wrap_half_turn(np.where(swap, angle_ + np.pi / 2.0, angle_)),
+        )
+
+    @classmethod
+    def batch(cls, ellipses: Sequence[Self]) -> Self:
+        """Return single ellipses as one batch."""
+        return cls(
+            center=np.array([each.center for each in ellipses]).reshape(-1, 2),
+            semi_major=np.array([float(each.semi_major) for each in ellipses]),
+            semi_minor=np.array([float(each.semi_minor) for each in ellipses]),
+            angle=np.array([float(each.angle) for each in ellipses]),
         )
 
     def __getitem__(self, which: object) -> Self:

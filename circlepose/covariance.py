@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from circlepose._typing import FloatArray
+from circlepose._typing import BoolArray, FloatArray
 from circlepose.cone import principal_frame
 from circlepose.rim_modes import pose_derivatives
 from circlepose.vectors import cross
@@ -41,30 +41,50 @@ def pose_covariance(
     `cone.plane_basis(normal)`. None where first order does not hold: edge-on within rounding, and where the tilt
     from the cone's axis, at which both candidates are one, is less than twice its own standard deviation.
     """
-    distance = float(np.linalg.norm(center))
-    columns = factor / np.linalg.norm(factor, axis=0)
-    if not np.all(np.isfinite(modes_covariance)) or abs(float(np.linalg.det(columns))) < _FLATTEST:
-        return None
-    # In shares of the distance all parameters are of one kind, which keeps the inverse precise.
-    scale = np.array([distance, distance, distance, 1.0, 1.0])
-    slopes = pose_derivatives(factor, center, normal, radius)[:, :5] * scale
-    try:
-        inverse = np.linalg.inv(slopes) * scale[:, None]
-    except np.linalg.LinAlgError:
-        return None
-    covariance = np.asarray(inverse @ modes_covariance @ inverse.T)
-    if not np.all(np.isfinite(covariance)) or not is_first_order(factor, normal, covariance):
-        return None
-    return (covariance + covariance.T) / 2.0
-
-
-def is_first_order(factor: FloatArray, normal: FloatArray, covariance: FloatArray) -> bool:
-    """Tell whether a `normal` with a pose's `covariance` is surely tilted from its cone's axis, where none holds."""
     axis = principal_frame(factor).rotation[:, 2]
-    from_axis = float(np.arctan2(np.linalg.norm(cross(normal, axis)), -float(normal @ axis)))
-    return from_axis >= _LEAST_SIGMAS * tilt_sigma(covariance)
+    covariance = pose_covariances(factor, axis, modes_covariance, center, normal, radius)
+    return covariance if np.all(np.isfinite(covariance)) else None
 
 
-def tilt_sigma(covariance: FloatArray) -> float:
-    """Return the largest standard deviation, rad, of a normal in any direction, of a pose's covariance (5, 5)."""
-    return float(np.sqrt(max(float(np.linalg.eigvalsh(covariance[3:, 3:])[-1]), 0.0)))
+def pose_covariances(
+    factor: FloatArray,
+    axis: FloatArray,
+    modes_covariance: FloatArray,
+    center: FloatArray,
+    normal: FloatArray,
+    radius: float,
+) -> FloatArray:
+    """As `pose_covariance` for many at once (..., 5, 5), the axes (..., 3) of their cones known; NaN for none."""
+    distance = np.linalg.norm(center, axis=-1)
+    # In shares of the distance all parameters are of one kind, which keeps the inverse precise.
+    scale = np.ones((*distance.shape, 5))
+    scale[..., :3] = distance[..., None]
+    with np.errstate(all="ignore"):
+        columns = factor / np.linalg.norm(factor, axis=-2, keepdims=True)
+        told = np.isfinite(modes_covariance).all(axis=(-2, -1)) & (np.abs(np.linalg.det(columns)) >= _FLATTEST)
+        proper = np.where(told[..., None, None], factor, np.eye(3))
+        slopes = pose_derivatives(proper, center, normal, radius)[..., :5] * scale[..., None, :]
+        told = told & np.isfinite(slopes).all(axis=(-2, -1))
+        told = told & (np.linalg.det(np.where(told[..., None, None], slopes, 0.0)) != 0.0)
+        inverse = np.linalg.inv(np.where(told[..., None, None], slopes, np.eye(5))) * scale[..., None]
+        modes = np.where(told[..., None, None], modes_covariance, np.nan)
+        covariance = inverse @ modes @ np.swapaxes(inverse, -1, -2)
+    covariance = (covariance + np.swapaxes(covariance, -1, -2)) / 2.0
+    told = told & np.isfinite(covariance).all(axis=(-2, -1))
+    told = told & is_first_order(axis, normal, np.where(told[..., None, None], covariance, np.eye(5)))
+    return np.where(told[..., None, None], covariance, np.nan)
+
+
+def is_first_order(axis: FloatArray, normal: FloatArray, covariance: FloatArray) -> BoolArray:
+    """Tell (...) whether normals (..., 3) with covariances of their poses are surely tilted from their cones' axes.
+
+    Along the axis (..., 3) of its cone no such covariance holds.
+    """
+    along = -np.einsum("...i,...i->...", normal, axis)
+    from_axis = np.arctan2(np.linalg.norm(cross(normal, axis), axis=-1), along)
+    return np.asarray(from_axis >= _LEAST_SIGMAS * tilt_sigma(covariance))
+
+
+def tilt_sigma(covariance: FloatArray) -> FloatArray:
+    """Return the largest standard deviation (...), rad, of a normal in any direction, of covariances (..., 5, 5)."""
+    return np.asarray(np.sqrt(np.maximum(np.linalg.eigvalsh(covariance[..., 3:, 3:])[..., -1], 0.0)))

@@ -101,6 +101,10 @@ def fit_rim(
         # The edges of a sliver say little of its tips, and where a part is hidden these say how long it is.
         if thin is not None or (is_sliver and contour.rim_used < _WHOLE):
             return thin
+    if refine and is_start and contour.rim_used > _FULL_RIM:
+        rim = _rim_to_start_at(camera, contour)
+        if rim is not None and rim.cone.rms_px < _FINEST_RMS_PX:
+            return rim
     fit = fit_cone(camera, contour.points)
     if fit is None:
         return None
@@ -109,6 +113,16 @@ def fit_rim(
         return rim
     rim = with_edges_placed(levels, camera, rim)
     return None if rim is not None and has_sharp_tips and not _spans(rim) else rim
+
+
+def _rim_to_start_at(camera: Camera, contour: Contour) -> Rim | None:
+    """Return the rim of the cone through a contour's own ellipse: exact without distortion, or for a small one."""
+    factor = factor_from_ellipse(camera, contour.ellipse)
+    if factor is None:
+        return None
+    fit = ConeFit(factor, rim_distance_px(factor, *camera.rays_with_jacobian(contour.points)))
+    error_px = _axis_error_px(fit, len(contour.points))
+    return Rim(fit, contour.points, contour.ellipse, contour.rim_used, contour.polarity, error_px)
 
 
 def with_edges_placed(levels: Image, camera: Camera, rim: Rim) -> Rim | None:
@@ -244,13 +258,16 @@ def rim_from_fit(
     ellipse = fit_ellipse(rim_pixels(camera, fit.factor, 90))
     if ellipse is None:
         return None
+    return Rim(fit, points, ellipse, rim_used, polarity, _axis_error_px(fit, len(points)))
+
+
+def _axis_error_px(fit: ConeFit, number: int) -> float:
     # Of n radial errors around the rim, two combine to make the axes long or short and as many unequal.
-    axis_error_px = max(fit.rms_px, _LEAST_NOISE_PX) / np.sqrt(len(points) / 4.0)
-    return Rim(fit, points, ellipse, rim_used, polarity, float(axis_error_px))
+    return float(max(fit.rms_px, _LEAST_NOISE_PX) / np.sqrt(number / 4.0))
 
 
 def rim_pixels(camera: Camera, factor: FloatArray, number: int) -> FloatArray:
-    """Return `number` pixels (number, 2) of the rim of the cone with `factor` (3, 3); NaN where unseen."""
+    """Return `number` pixels (..., number, 2) of the rim of the cone with `factor` (..., 3, 3); NaN where unseen."""
     angle = np.linspace(0.0, 2.0 * np.pi, number, endpoint=False)
     unit = np.stack([np.cos(angle), np.sin(angle), np.ones(number)], axis=-1)
-    return camera.project(unit @ factor.T)
+    return camera.project(unit @ np.swapaxes(factor, -1, -2))

@@ -21,7 +21,7 @@ from circlepose.refinement import refined
 from circlepose.ring_doubts import contradiction
 from circlepose.rings import find_ring_targets
 from circlepose.second_rim import with_second_rims
-from circlepose.solutions import circle_results
+from circlepose.solutions import results_of_rims
 from circlepose.solvers import METHODS
 from circlepose.solvers.solve import solve
 from circlepose.target import AxisIntervals, Target
@@ -100,11 +100,7 @@ def estimate(
         )
         if refine:
             chosen = refined(grey, camera, chosen)
-        circles = [
-            result
-            for instance, rim in enumerate(chosen)
-            for result in circle_results(rim, camera, methods, target.radii_mm[0], instance, "disc")
-        ]
+        circles = results_of_rims(chosen, camera, methods, target.radii_mm[0], range(len(chosen)), "disc")
         circles = settled_by_hints(circles, target)
     else:
         # Of a ring target the polarity is the largest circle's.

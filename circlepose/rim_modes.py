@@ -42,36 +42,41 @@ def pose_amounts(factor: FloatArray, center: FloatArray, normal: FloatArray, rad
 
 
 def dual_circle(center: FloatArray, normal: FloatArray, radius: float) -> FloatArray:
-    """Return the dual cone R^2 (I - n n') - c c' (3, 3) of a circle; length unit squared."""
-    return np.asarray(radius**2 * (np.eye(3) - np.outer(normal, normal)) - np.outer(center, center))
+    """Return the dual cone R^2 (I - n n') - c c' (..., 3, 3) of circles; length unit squared."""
+    return np.asarray(radius**2 * (np.eye(3) - _outer(normal, normal)) - _outer(center, center))
 
 
 def pose_derivatives(factor: FloatArray, center: FloatArray, normal: FloatArray, radius: float) -> FloatArray:
-    """Return d amounts / d pose (5, 6): centre (3, per length unit), tilts of the normal (2, per rad), radius.
+    """Return d amounts / d pose (..., 5, 6): centre (3, per length unit), tilts of the normal (2, per rad), radius.
 
-    A tilt turns `normal` towards the first or the second vector of `cone.plane_basis(normal)`. The circle's own
-    cone is that of `factor`, or close to it.
+    A tilt turns `normal` (..., 3) towards the first or the second vector of `cone.plane_basis(normal)`. The cone of
+    each circle is that of its `factor` (..., 3, 3), or close to it.
     """
-    first, second = plane_basis(normal)
-    changes = [_both(-axis, center) for axis in np.eye(3)]
-    changes += [_both(-(radius**2) * tilt, normal) for tilt in (first, second)]
-    changes.append(2.0 * radius * (np.eye(3) - np.outer(normal, normal)))
+    tilts = np.stack(plane_basis(normal), axis=-2)
+    changes = np.empty((*normal.shape[:-1], 6, 3, 3))
+    changes[..., :3, :, :] = _both(-np.eye(3), center[..., None, :])
+    changes[..., 3:5, :, :] = _both(-(radius**2) * tilts, normal[..., None, :])
+    changes[..., 5, :, :] = 2.0 * radius * (np.eye(3) - _outer(normal, normal))
     local = _local(factor, dual_circle(center, normal, radius))
-    scale = _scale(local)
-    derivative = _local(factor, np.stack(changes))
+    scale = _scale(local)[..., None, None, None]
+    derivative = _local(factor[..., None, :, :], changes)
     # The scale changes too, which takes out what is only a multiple of the dual cone itself.
-    relative = _scale(derivative)[:, None, None] / scale**2 * local
-    return _amounts(derivative / scale - relative).T
+    relative = _scale(derivative)[..., None, None] / scale**2 * local[..., None, :, :]
+    return np.swapaxes(_amounts(derivative / scale - relative), -1, -2)
+
+
+def _outer(first: FloatArray, second: FloatArray) -> FloatArray:
+    return first[..., :, None] * second[..., None, :]
 
 
 def _both(first: FloatArray, second: FloatArray) -> FloatArray:
-    outer = np.outer(first, second)
-    return np.asarray(outer + outer.T)
+    outer = _outer(first, second)
+    return np.asarray(outer + np.swapaxes(outer, -1, -2))
 
 
 def _local(factor: FloatArray, dual: FloatArray) -> FloatArray:
     inverse = np.linalg.inv(factor)
-    return np.asarray(inverse @ dual @ inverse.T)
+    return np.asarray(inverse @ dual @ np.swapaxes(inverse, -1, -2))
 
 
 def _scale(local: FloatArray) -> FloatArray:

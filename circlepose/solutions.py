@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from circlepose._typing import FloatArray
 from circlepose.camera import Camera
-from circlepose.cone import ConeKind, principal_frame
-from circlepose.covariance import pose_covariance
+from circlepose.cone import ConeKind, PrincipalFrame, principal_frame
+from circlepose.covariance import pose_covariances
 from circlepose.measure import Rim
 from circlepose.pose import Candidate, CircleResult, Flag, Status
-from circlepose.solvers.solve import Solutions, solve
+from circlepose.rim_modes import MODES
+from circlepose.solvers.solve import Solutions, solve, solve_chen_huang
 
 _SIGMAS = 3.0
 """Standard errors by which two semi-axes must differ, or one from 0, to be told apart."""
@@ -23,6 +25,15 @@ _NEAR_RIGHT = 8.0
 _SLIVER_PX = 2.0
 _POOR_FIT_PX = 0.35
 _FULL_RIM = 0.9
+_ORDER = (
+    Flag.AMBIGUOUS,
+    Flag.NEAR_RIGHT,
+    Flag.NEAR_DEGENERATE,
+    Flag.POOR_FIT,
+    Flag.CHORD_MENDED,
+    Flag.PARTIAL_RIM,
+    Flag.EDGES_ONLY,
+)
 
 
 def circle_results(
@@ -39,19 +50,36 @@ def circle_results(
 
     `chen_huang` are the solutions by that method of the rim's settled factor, where they are known already.
     """
-    rays = camera.rays(rim.points)
-    factor = settled_factor(rim)
-    reference: Solutions | str | None = chen_huang
-    if reference is None and (len(methods) > 1 or methods == ("chen-huang",)):
-        reference = solve("chen-huang", factor, rays, radius_mm)
+    known = None if chen_huang is None else [chen_huang]
+    return results_of_rims([rim], camera, methods, radius_mm, [instance], circle, chen_huang=known)
+
+
+def results_of_rims(
+    rims: Sequence[Rim],
+    camera: Camera,
+    methods: tuple[str, ...],
+    radius_mm: float,
+    instances: Sequence[int],
+    circle: str,
+    *,
+    chen_huang: Sequence[Solutions] | None = None,
+) -> list[CircleResult]:
+    """As `circle_results`, for many rims at once, each an instance of its own."""
+    if not rims:
+        return []
+    frames = principal_frame(np.stack([rim.cone.factor for rim in rims]))
+    factors = _settled_factors(rims, frames)
+    known = chen_huang or solve_chen_huang(principal_frame(factors), radius_mm)
+    covariances = _covariances(rims, frames, factors, known, radius_mm)
+    imaged = camera.project(np.concatenate([solutions.centers for solutions in known]))
+    starts = np.cumsum([0, *(len(solutions.centers) for solutions in known)])
     results = []
-    for method in methods:
-        known = reference if method == "chen-huang" else None
-        solutions = solve(method, factor, rays, radius_mm) if known is None else known
+    for k, rim in enumerate(rims):
+        own = slice(starts[k], starts[k + 1])
         base = CircleResult(
-            instance,
+            instances[k],
             circle,
-            method,
+            methods[0],
             radius_mm,
             ellipse=rim.ellipse,
             residual_px=rim.cone.rms_px,
@@ -59,23 +87,32 @@ def circle_results(
             score=rim.score,
             contour=rim.points,
         )
-        if isinstance(solutions, str):
-            results.append(replace(base, status=Status.NO_POSE, reason=solutions))
-            continue
-        compared = None if method == "chen-huang" or len(methods) == 1 else reference
-        candidates = _candidates(solutions, camera, compared)
-        if method == "chen-huang" and factor is rim.cone.factor:
-            candidates = tuple(_with_covariance(candidate, rim, radius_mm) for candidate in candidates)
-        one = len(candidates) == 1
-        results.append(
-            replace(
-                base,
-                candidates=candidates,
-                ambiguity=0.0 if one else 0.5,
-                cone=ConeKind(solutions.cone),
-                flags=_flags(rim, one, solutions.mended),
+        flags = _flags(rim, float(frames.tan_half_minor[k] / frames.tan_half_major[k]))
+        for method in methods:
+            solutions = known[k]
+            if method == "chen-huang":
+                candidates = _candidates(solutions, imaged[own], covariances[own])
+            else:
+                found = solve(method, factors[k], camera.rays(rim.points), radius_mm)
+                if isinstance(found, str):
+                    results.append(replace(base, method=method, status=Status.NO_POSE, reason=found))
+                    continue
+                solutions = found
+                candidates = _candidates(solutions, camera.project(solutions.centers))
+                if len(methods) > 1:
+                    candidates = tuple(_compared(candidate, known[k]) for candidate in candidates)
+            one = len(candidates) == 1
+            told = flags | {Flag.AMBIGUOUS: not one, Flag.CHORD_MENDED: solutions.mended}
+            results.append(
+                replace(
+                    base,
+                    method=method,
+                    candidates=candidates,
+                    ambiguity=0.0 if one else 0.5,
+                    cone=ConeKind(solutions.cone),
+                    flags=tuple(flag for flag in _ORDER if told[flag]),
+                )
             )
-        )
     return results
 
 
@@ -85,64 +122,73 @@ def settled_factor(rim: Rim) -> FloatArray:
     Within its error a circle seen along its axis is a right cone with one pose, where the fitted axes, never quite
     equal, would give two with a tilt of their own; and a segment is edge-on, whatever width noise gives it.
     """
-    frame = principal_frame(rim.cone.factor)
-    s, t = float(frame.tan_half_major), float(frame.tan_half_minor)
-    per_px = s / float(rim.ellipse.semi_major)
-    error = _SIGMAS * rim.axis_error_px * per_px
-    if s - t < error:
-        mean = np.sqrt(s * t)
-        return np.asarray(frame.rotation * np.array([mean, mean, 1.0]))
-    if t < max(error, _SEGMENT_PX * per_px):
-        return np.asarray(frame.rotation * np.array([s, 0.0, 1.0]))
-    return rim.cone.factor
+    return _settled_factors([rim], principal_frame(rim.cone.factor[None]))[0]
 
 
-def _candidates(solutions: Solutions, camera: Camera, reference: Solutions | str | None) -> tuple[Candidate, ...]:
-    candidates = []
-    for center, normal in zip(solutions.centers, solutions.normals, strict=True):
-        position = orientation = None
-        if isinstance(reference, Solutions):
-            # Differences are to the like candidate: the one whose normal is nearest.
-            nearest = int(np.argmax(reference.normals @ normal))
-            position = float(np.linalg.norm(reference.centers[nearest] - center))
-            chord = float(np.linalg.norm(reference.normals[nearest] - normal))
-            orientation = float(np.degrees(2.0 * np.arcsin(min(1.0, chord / 2.0))))
-        candidates.append(
-            Candidate(
-                center,
-                normal,
-                camera.project(center),
-                position_difference_mm=position,
-                orientation_difference_deg=orientation,
-            )
+def _settled_factors(rims: Sequence[Rim], frames: PrincipalFrame) -> FloatArray:
+    """As `settled_factor`, of m rims, with the frames (m, ...) of their cones."""
+    factors = np.stack([rim.cone.factor for rim in rims])
+    s, t = frames.tan_half_major, frames.tan_half_minor
+    per_px = s / np.array([float(rim.ellipse.semi_major) for rim in rims])
+    error = _SIGMAS * np.array([rim.axis_error_px for rim in rims]) * per_px
+    right = s - t < error
+    flat = ~right & (t < np.maximum(error, _SEGMENT_PX * per_px))
+    mean = np.sqrt(s * t)
+    axes = np.stack([np.where(right, mean, s), np.where(right, mean, 0.0), np.ones_like(s)], axis=-1)
+    return np.where((right | flat)[:, None, None], frames.rotation * axes[:, None, :], factors)
+
+
+def _covariances(
+    rims: Sequence[Rim],
+    frames: PrincipalFrame,
+    factors: FloatArray,
+    known: Sequence[Solutions],
+    radius_mm: float,
+) -> list[FloatArray | None]:
+    """Return the covariance of each candidate of each rim in turn, where its rim's is known and the cone its own."""
+    centers = np.concatenate([solutions.centers for solutions in known])
+    normals = np.concatenate([solutions.normals for solutions in known])
+    owner = np.repeat(np.arange(len(rims)), [len(solutions.centers) for solutions in known])
+    modes = np.full((len(rims), MODES, MODES), np.nan)
+    for k, rim in enumerate(rims):
+        if rim.modes_covariance is not None and np.array_equal(factors[k], rim.cone.factor):
+            modes[k] = rim.modes_covariance
+    axes = frames.rotation[..., 2]
+    told = pose_covariances(factors[owner], axes[owner], modes[owner], centers, normals, radius_mm)
+    return [each if np.isfinite(each[0, 0]) else None for each in told]
+
+
+def _candidates(
+    solutions: Solutions, imaged: FloatArray, covariances: Sequence[FloatArray | None] = (None, None)
+) -> tuple[Candidate, ...]:
+    candidates = [
+        Candidate(center, normal, seen, covariance=covariance)
+        for center, normal, seen, covariance in zip(
+            solutions.centers, solutions.normals, imaged, covariances, strict=False
         )
+    ]
     # Nothing ranks the two yet; the one that faces the camera's axis more goes first, so that order is stable.
     return tuple(sorted(candidates, key=lambda c: float(c.normal[2])))
 
 
-def _with_covariance(candidate: Candidate, rim: Rim, radius_mm: float) -> Candidate:
-    """Add the covariance of a pose that has the rim's own cone, where the rim's is known."""
-    if rim.modes_covariance is None:
-        return candidate
-    covariance = pose_covariance(rim.cone.factor, rim.modes_covariance, candidate.center, candidate.normal, radius_mm)
-    return replace(candidate, covariance=covariance)
+def _compared(candidate: Candidate, reference: Solutions) -> Candidate:
+    """Add the differences to the like candidate of Chen & Huang's: the one whose normal is nearest."""
+    nearest = int(np.argmax(reference.normals @ candidate.normal))
+    chord = float(np.linalg.norm(reference.normals[nearest] - candidate.normal))
+    return replace(
+        candidate,
+        position_difference_mm=float(np.linalg.norm(reference.centers[nearest] - candidate.center)),
+        orientation_difference_deg=float(np.degrees(2.0 * np.arcsin(min(1.0, chord / 2.0)))),
+    )
 
 
-def _flags(rim: Rim, one: bool, mended: bool) -> tuple[Flag, ...]:
-    flags = [] if one else [Flag.AMBIGUOUS]
-    frame = principal_frame(rim.cone.factor)
+def _flags(rim: Rim, axis_ratio: float) -> dict[Flag, bool]:
+    """Return what is to be said of a rim, by whatever method it is solved."""
     semi_minor = float(rim.ellipse.semi_minor)
-    local = float(rim.ellipse.semi_major) * float(1.0 - frame.tan_half_minor / frame.tan_half_major)
-    if local < _NEAR_RIGHT * rim.axis_error_px:
-        flags.append(Flag.NEAR_RIGHT)
-    if semi_minor < _SLIVER_PX:
-        flags.append(Flag.NEAR_DEGENERATE)
-    if rim.cone.rms_px > _POOR_FIT_PX:
-        flags.append(Flag.POOR_FIT)
-    if mended:
-        flags.append(Flag.CHORD_MENDED)
-    if rim.rim_used < _FULL_RIM:
-        flags.append(Flag.PARTIAL_RIM)
-    if rim.is_edges_only:
-        flags.append(Flag.EDGES_ONLY)
-    return tuple(flags)
+    return {
+        Flag.NEAR_RIGHT: float(rim.ellipse.semi_major) * (1.0 - axis_ratio) < _NEAR_RIGHT * rim.axis_error_px,
+        Flag.NEAR_DEGENERATE: semi_minor < _SLIVER_PX,
+        Flag.POOR_FIT: rim.cone.rms_px > _POOR_FIT_PX,
+        Flag.PARTIAL_RIM: rim.rim_used < _FULL_RIM,
+        Flag.EDGES_ONLY: rim.is_edges_only,
+    }

@@ -16,7 +16,7 @@ import numpy as np
 
 from circlepose._typing import FloatArray
 from circlepose.camera import EXACT, Camera
-from circlepose.cone import factor_from_circle, plane_basis
+from circlepose.cone import factor_from_circle, plane_basis, principal_frame
 from circlepose.covariance import is_first_order
 from circlepose.pose import Candidate, CircleResult, CovarianceTerms
 from circlepose.target import Target
@@ -129,7 +129,8 @@ def _with_terms(
         radius=None if relative == 0.0 else radius_term(center, relative),
     )
     total = terms.total
-    if not (np.all(np.isfinite(total)) and is_first_order(_factor(candidate, circle), normal, total)):
+    axis = principal_frame(_factor(candidate, circle)).rotation[:, 2]
+    if not (np.all(np.isfinite(total)) and is_first_order(axis, normal, total)):
         return replace(candidate, covariance=None)
     return replace(candidate, covariance=total, covariance_terms=terms)
 

@@ -93,9 +93,10 @@ def beyond_bands(
     grey: Image, camera: Camera, rims: Sequence[Ellipse], reach_px: FloatArray, limits: tuple[float, float]
 ) -> Beyond:
     """Sample pixels along ellipses farther in and out than `reach_px` (m,); those at the `limits` do not count."""
-    axes = np.array([(float(rim.semi_major), float(rim.semi_minor)) for rim in rims])
-    turn = np.array([(np.cos(rim.angle), np.sin(rim.angle)) for rim in rims])[:, :, None, None]
-    center = np.array([rim.center for rim in rims])[:, :, None, None]
+    every = Ellipse.batch(rims)
+    axes = np.stack([every.semi_major, every.semi_minor], axis=-1)
+    turn = np.stack([np.cos(every.angle), np.sin(every.angle)], axis=-1)[:, :, None, None]
+    center = every.center[:, :, None, None]
     number = int(np.clip(_PER_PX * axes.max(), *_ANGLES))
     angle = np.linspace(0.0, 2.0 * np.pi, number, endpoint=False)
     off = reach_px[:, None] + _BEYOND_PX

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import fields
 
 import numpy as np
 from scipy.special import ndtr
@@ -30,8 +29,8 @@ def light_of_neighbours(
     outside of `contrast` (n,), 0 where that is not known, and bands of `reach_px` (n,).
     """
     light = np.zeros(pixels.shape[:2])
-    every = _batch(ellipses)
-    first, second = np.nonzero(_meet(every, reach_px + _REACH_SIGMA * sigma_px, contrast)[rims])
+    every = Ellipse.batch(ellipses)
+    first, second = np.nonzero(_meet(every, reach_px + _REACH_SIGMA * sigma_px, contrast, rims))
     if len(first) == 0:
         return light
     other = every[second]
@@ -45,20 +44,25 @@ def light_of_neighbours(
 
 def bands_that_meet(ellipses: Sequence[Ellipse], reach_px: FloatArray, contrast: FloatArray) -> BoolArray:
     """Tell (n,) which of n rims have another within `reach_px` (n,) whose `contrast` (n,) is known."""
-    return np.asarray(_meet(_batch(ellipses), reach_px, contrast).any(axis=1)) if len(ellipses) else np.zeros(0, bool)
+    if not len(ellipses):
+        return np.zeros(0, bool)
+    return np.asarray(_meet(Ellipse.batch(ellipses), reach_px, contrast, np.arange(len(ellipses))).any(axis=1))
 
 
-def _batch(ellipses: Sequence[Ellipse]) -> Ellipse:
-    return Ellipse(*(np.stack([getattr(e, field.name) for e in ellipses]) for field in fields(Ellipse)))
-
-
-def _meet(every: Ellipse, reach_px: FloatArray, contrast: FloatArray) -> BoolArray:
-    """Tell (n, n) whether rim j comes into the band of rim i, about."""
-    a, b = every.semi_major, every.semi_minor
-    gap = np.linalg.norm(every.center[:, None] - every.center[None], axis=-1)
-    reach = reach_px[:, None]
-    touching = gap < a[:, None] + a[None] + reach
+def _meet(every: Ellipse, reach_px: FloatArray, contrast: FloatArray, rims: IntArray) -> BoolArray:
+    """Tell (m, n) whether rim j of n comes into the band of the i-th of the `rims` (m,), about."""
+    met = np.zeros((len(rims), len(contrast)), dtype=np.bool_)
+    others = np.flatnonzero(contrast != 0.0)
+    if len(others) == 0:
+        return met
+    own, other = every[rims], every[others]
+    (a, b), (other_a, other_b) = (own.semi_major, own.semi_minor), (other.semi_major, other.semi_minor)
+    gap = np.linalg.norm(own.center[:, None] - other.center[None], axis=-1)
+    reach = reach_px[rims, None]
+    touching = gap < a[:, None] + other_a[None] + reach
     # Neither far inside the other.
-    touching &= (gap + a[:, None] + reach > b[None]) & (gap + a[None] + reach > b[:, None])
-    same = (gap < _SAME_PX) & (np.abs(a[:, None] - a[None]) < _SAME_PX) & (np.abs(b[:, None] - b[None]) < _SAME_PX)
-    return np.asarray(touching & ~same & (contrast != 0.0)[None])
+    touching &= (gap + a[:, None] + reach > other_b[None]) & (gap + other_a[None] + reach > b[:, None])
+    same = (gap < _SAME_PX) & (np.abs(a[:, None] - other_a[None]) < _SAME_PX)
+    same &= np.abs(b[:, None] - other_b[None]) < _SAME_PX
+    met[:, others] = touching & ~same
+    return met

@@ -97,6 +97,7 @@ def fit_to_levels(
     the levels. With `is_curved` the curvature of the rims is met exactly, which takes longer.
     """
     shares = curved if is_curved else straight
+    radius_px = perimeter_px / (2.0 * np.pi)
     given = bands.weight > 0.0
     stretches = np.clip(perimeter_px / _STRETCH_PX, *_STRETCHES).astype(np.int64)
     left_out = np.zeros((len(factors), int(stretches.max()), ZONES), dtype=np.bool_)
@@ -110,7 +111,7 @@ def fit_to_levels(
     seen = _Seen.of(few, factors, blur, shares)
     state = fit_levels(seen.columns, np.zeros((len(factors), LINEAR)))
     variance = _variance(state.square, few)
-    stiff = stiffness(variance, state.contrast, plain=True)
+    stiff = stiffness(variance, state.contrast, radius_px, plain=True)
     prior = variance[:, None] * expected.information
     fit = _gauss_newton(few, seen, shares, stiff, prior, expected.mean, short=_SHORT_FIRST)
     seen = fit.seen if few is bands and fit.is_seen else _Seen.of(bands, fit.factors, fit.blur, shares)
@@ -131,7 +132,7 @@ def fit_to_levels(
             bands = bands.weighted(weight)
             seen = seen.weighted(bands)
         variance = _variance(state.square, bands)
-        stiff = stiffness(variance, state.contrast)
+        stiff = stiffness(variance, state.contrast, radius_px)
         prior = variance[:, None] * expected.information
         if beyond is not None and far is None:
             far = FarLevels.of(beyond, seen.factors, _levels_ahead(state, prior, variance), variance)

@@ -14,7 +14,7 @@ import numpy as np
 
 from circlepose._typing import BoolArray, FloatArray
 from circlepose.camera import Camera
-from circlepose.cone import SIGNATURE, plane_basis
+from circlepose.cone import plane_basis
 from circlepose.conic import Ellipse
 from circlepose.fitting.direct import MINIMUM_POINTS, fit_ellipse
 from circlepose.fitting.guaranteed import refine_ellipse
@@ -117,24 +117,18 @@ def factor_from_ellipse(camera: Camera, ellipse: Ellipse) -> FloatArray | None:
 def rim_distance_px(factor: FloatArray, rays: FloatArray, jacobians: FloatArray) -> FloatArray:
     """Return the first-order signed distance (n,), in px, of `rays` (n, 3) to a cone's rim, positive outside.
 
-    With `jacobians` (n, 3, 2) = d ray / d pixel. The cone's function is taken as |y_12|/y_3 - 1 in the
-    factor's own coordinates y = A^-1 x, in which the rim is a unit circle: nearly linear across the rim, so
-    first order goes a long way.
+    With `jacobians` (n, 3, 2) = d ray / d pixel, and one `factor` (3, 3) for all rays or one for each (n, 3, 3). The
+    cone's function is taken as |y_12|/y_3 - 1 in the factor's own coordinates y = A^-1 x, in which the rim is a unit
+    circle: nearly linear across the rim, so first order goes a long way.
     """
-    coordinates = rays @ np.linalg.inv(factor).T
-    radius = np.hypot(coordinates[:, 0], coordinates[:, 1])
-    value = radius / coordinates[:, 2] - 1.0
-    direction = coordinates * SIGNATURE
-    slope = np.stack(
-        [
-            direction[:, 0] / (radius * coordinates[:, 2]),
-            direction[:, 1] / (radius * coordinates[:, 2]),
-            -radius / coordinates[:, 2] ** 2,
-        ],
-        axis=-1,
-    ) @ np.linalg.inv(factor)
-    gradient = np.einsum("ni,nij->nj", slope, jacobians)
-    return value / np.hypot(gradient[:, 0], gradient[:, 1])
+    inverse = np.linalg.inv(factor)
+    y = (inverse @ rays[:, :, None])[..., 0]
+    slopes = inverse @ jacobians
+    radius = np.hypot(y[:, 0], y[:, 1])
+    ratio = radius / y[:, 2]
+    along = (y[:, 0, None] * slopes[:, 0] + y[:, 1, None] * slopes[:, 1]) / (radius * y[:, 2])[:, None]
+    gradient = along - (ratio / y[:, 2])[:, None] * slopes[:, 2]
+    return (ratio - 1.0) / np.hypot(gradient[:, 0], gradient[:, 1])
 
 
 def _pixel_covariances(rays: FloatArray, jacobians: FloatArray) -> FloatArray:

@@ -63,6 +63,17 @@ def solve(method: str, factor: FloatArray, contour_rays: FloatArray, radius: flo
     return _distinct(*poses, frame, mended)
 
 
+def solve_chen_huang(frames: PrincipalFrame, radius: float) -> list[Solutions]:
+    """Return the candidate poses by Chen & Huang of circles of `radius`, from the frames (m, ...) of their cones."""
+    centers, normals = chen_huang.poses_from_frame(frames, radius)
+    same = np.linalg.norm(normals[:, 0] - normals[:, 1], axis=-1) < _SAME_POSE_RAD
+    kinds = cone_kinds(frames)
+    return [
+        Solutions(center[: 2 - one], normal[: 2 - one], str(kind))
+        for center, normal, one, kind in zip(centers, normals, same.astype(int), kinds, strict=True)
+    ]
+
+
 def _distinct(centers: FloatArray, normals: FloatArray, frame: PrincipalFrame, mended: bool) -> Solutions:
     """Say a pose once when both candidates are the same, as for a right cone."""
     same = np.linalg.norm(normals[0] - normals[1]) < _SAME_POSE_RAD
