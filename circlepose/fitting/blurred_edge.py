@@ -31,9 +31,9 @@ _RIDGE = 1e-9
 _WIDER = 2.5
 _EXPECTED = np.array([np.inf, 0.2, 0.2, 0.1, 0.1, np.inf, 0.2, 0.2, 0.1, 0.1, 0.3])
 """Standard deviation of each level before the image is seen, as a share of the contrast."""
-_DEGREE = np.array([0, 1, 1, 2, 2, 0, 1, 1, 2, 2, 0])
-_WIDE_PX = 30.0
-"""Radius from which shading may be as strong as that; over a smaller disc it is as much less as its degree says."""
+_QUADRATIC = np.array([3, 4, 8, 9])
+_WIDE_PX = 40.0
+"""Radius from which shading may curve as strongly as that; over a smaller disc, less by the square of the radius."""
 _PLAIN = np.array([*_EXPECTED[:-1], 1e-4])
 
 
@@ -98,8 +98,8 @@ def stiffness(
 
     A rim is of some `radius_px` (m,); an edge that is `plain` has no more than its Gaussian blur.
     """
-    spread = np.minimum(radius_px / _WIDE_PX, 1.0)[:, None] ** _DEGREE
-    expected = np.maximum(np.abs(contrast), 1e-9)[:, None] * spread * (_PLAIN if plain else _EXPECTED)
+    expected = np.maximum(np.abs(contrast), 1e-9)[:, None] * (_PLAIN if plain else _EXPECTED)
+    expected[:, _QUADRATIC] *= np.minimum(radius_px / _WIDE_PX, 1.0)[:, None] ** 2
     return np.asarray(variance[:, None] / expected**2)
 
 

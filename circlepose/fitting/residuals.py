@@ -14,7 +14,7 @@ from circlepose._typing import BoolArray, FloatArray, Image
 from circlepose.camera import Camera
 from circlepose.conic import Ellipse
 from circlepose.fitting.band import Bands, bands_around
-from circlepose.fitting.blurred_edge import Columns, fit_levels, stiffness
+from circlepose.fitting.blurred_edge import Columns, fit_levels
 from circlepose.fitting.blurred_share import curved, places, straight
 from circlepose.fitting.neighbours import bands_that_meet, light_of_neighbours
 from circlepose.fitting.photometric import Expected, LevelsFit, fit_to_levels
@@ -190,7 +190,7 @@ def _model(bands: Bands, fit: LevelsFit, factors: FloatArray, ellipse: Ellipse) 
     """Return the model's levels (k,) with the rim of `factors` (1, 3, 3), and their change per px of its growth."""
     at = places(bands, factors)
     share = (curved if is_curved(ellipse) else straight)(at, fit.blur)
-    levels = fit_levels(Columns.of(bands, at, share), stiffness(fit.noise_levels**2, fit.contrast_levels))
+    levels = fit_levels(Columns.of(bands, at, share), fit.stiff)
     # The first mode is a growth of the rim as a share of its radius.
     slope = levels.slopes[0, 0] * (at.slope / np.maximum(at.radius, 1e-9))[0]
     return np.asarray(levels.model[0], dtype=np.float64), np.asarray(slope, dtype=np.float64)

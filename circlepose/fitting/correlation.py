@@ -1,0 +1,35 @@
+"""How far the residuals of neighbouring pixels go together: then they tell less than as many independent ones."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from circlepose._typing import FloatArray, IntArray, RealArray
+
+_JOINED = ((1, 1.0), (2, 1.5), (4, 2.0))
+"""Neighbouring stretches taken together, and the correlation from which these count."""
+
+
+def correlation_of(
+    scores: RealArray, stretch: IntArray, numbers: IntArray, matrix: FloatArray, variance: FloatArray
+) -> FloatArray:
+    """Return (m,) how much more the residuals of a stretch add up to than independent ones would; at least 1.
+
+    The scores (m, 8, k) of independent residuals, summed by stretch, scatter as the information says. Where
+    neighbours err alike (texture, a model that does not hold), they scatter more, and so does the estimate.
+    `stretch` (m, k) of each pixel, of `numbers` (m,) in all for each rim, counted on from rim to rim by the most that
+    any has. Coarse texture shows in joined stretches only, of which there are few: there more is asked of it.
+    """
+    rims, most, parameters = len(matrix), int(numbers.max()), matrix.shape[-1]
+    flat = stretch.ravel()
+    by_stretch = np.stack(
+        [np.bincount(flat, scores[:, i].ravel(), rims * most) for i in range(parameters)], axis=-1
+    ).reshape(rims, most, parameters)
+    inverse = np.linalg.inv(matrix)
+    largest = np.ones(rims)
+    for joined, least in _JOINED:
+        sums = sum(np.roll(by_stretch, -shift, axis=1) for shift in range(joined)) if joined > 1 else by_stretch
+        total = np.sum((sums @ inverse) * sums, axis=(1, 2)) / joined
+        ratio = total / ((parameters) * variance)
+        largest = np.maximum(largest, np.where(ratio > least, ratio, 1.0))
+    return largest

@@ -1,0 +1,155 @@
+"""Damped Gauss-Newton over the five `rim_modes` and the blurs of many rims at once, the levels eliminated."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from circlepose._typing import BoolArray, FloatArray, IntArray
+from circlepose.fitting.band import Bands
+from circlepose.fitting.blurred_edge import Columns, Equations, Levels, fit_levels
+from circlepose.fitting.blurred_share import BLUR, Places, Share, places
+from circlepose.fitting.far_levels import FarLevels
+from circlepose.fitting.unlike import QUANTIZATION
+from circlepose.rim_modes import MODES, grown
+
+_SIGMA_PX = (0.25, 8.0)
+_MOST_UNEQUAL = 0.6
+_STEPS = 12
+_CONVERGED = 1e-3
+"""A step that would lower the cost by so many noise variances is worth nothing: 3 % of a standard error."""
+_MOST_DAMPING = 1e5
+_START_DAMPING = 1e-5
+_LONGEST_STEP = 0.5
+SHORT, SHORT_FIRST = 0.25, 1.0
+"""Standard errors that the second order of a last step may make, so that it is taken unseen; where more follows."""
+
+Shares = Callable[[Places, FloatArray], Share]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Seen:
+    """The rims at some factors and blurs, as their pixels see them."""
+
+    factors: FloatArray
+    blur: FloatArray
+    at: Places
+    columns: Columns
+
+    @classmethod
+    def of(cls, bands: Bands, factors: FloatArray, blur: FloatArray, shares: Shares) -> Seen:
+        """Return the rims of cones with `factors` (m, 3, 3) and `blur` (m, 3), as the pixels of `bands` see them."""
+        at = places(bands, factors)
+        return cls(factors, blur, at, Columns.of(bands, at, shares(at, blur)))
+
+    def weighted(self, bands: Bands) -> Seen:
+        """Return the same with the weight that the pixels have in `bands`."""
+        return replace(self, columns=Columns.of(bands, self.at, self.columns.share))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Descent:
+    """Where a descent ended: `ahead` (m, 8) of where the rims were last `seen`, by steps too short to look again."""
+
+    factors: FloatArray
+    blur: FloatArray
+    converged: BoolArray
+    seen: Seen
+    state: Levels
+    equations: Equations
+    ahead: FloatArray
+
+    @property
+    def is_seen(self) -> bool:
+        """Whether the rims were seen where they are."""
+        return not self.ahead.any()
+
+
+def descend(
+    bands: Bands,
+    seen: Seen,
+    shares: Shares,
+    stiff: FloatArray,
+    prior: FloatArray,
+    mean: FloatArray,
+    far: FarLevels | None = None,
+    *,
+    short: float = SHORT,
+) -> Descent:
+    """Fit the rims from where they are `seen`; `prior` (m, 3) pulls the blurs to `mean` (m, 3).
+
+    A step whose second order is below `short` standard errors is the last, and taken unseen.
+    """
+    factors, blur = seen.factors.copy(), seen.blur.copy()
+    every = np.arange(len(factors))
+
+    def evaluate(now: Seen, which: IntArray) -> tuple[Levels, Equations, FloatArray]:
+        state = fit_levels(now.columns, stiff[which], None if far is None else far[which])
+        found = state.normal_equations()
+        off = now.blur - mean[which]
+        found.gradient[:, MODES:] += prior[which] * off
+        return state, found, state.cost + np.sum(prior[which] * off**2, axis=1)
+
+    current, (state, equations, cost) = seen, evaluate(seen, every)
+    matrix, gradient = with_prior(equations.matrix, prior), equations.gradient.copy()
+    damping = np.full(len(factors), _START_DAMPING)
+    counted = np.maximum(np.sum(bands.weight, axis=1), 1.0)
+    running = np.ones(len(factors), dtype=np.bool_)
+    ahead = np.zeros((len(factors), MODES + BLUR))
+    is_current = True
+    for _ in range(_STEPS):
+        diagonal = np.einsum("mii->mi", matrix) + 1e-12
+        damped = matrix + (diagonal * damping[:, None])[:, :, None] * np.eye(MODES + BLUR)
+        inverse = np.linalg.inv(damped)
+        step = -(inverse @ gradient[..., None])[..., 0]
+        gain = -np.sum(step * gradient, axis=1)
+        variance = cost / counted + QUANTIZATION
+        running &= (gain > _CONVERGED * variance) & (damping < _MOST_DAMPING)
+        # How far the second order may move a rim, beside its own error.
+        error = np.sqrt(np.maximum(np.min(np.einsum("mii->mi", inverse)[:, :MODES], axis=1), 0.0) * variance)
+        moved = np.abs(step[:, :MODES]).sum(axis=1)
+        last = running & (moved * (moved + np.abs(step[:, MODES:]).sum(axis=1)) < short * error)
+        if last.any():
+            factors[last], blur[last] = _after(factors[last], blur[last], step[last])
+            ahead[last] = step[last]
+            running &= ~last
+        which = np.flatnonzero(running)
+        if len(which) == 0:
+            break
+        some = bands if len(which) == len(every) else bands[which]
+        trial = Seen.of(some, *_after(factors[which], blur[which], step[which]), shares)
+        new_state, new_equations, new_cost = evaluate(trial, which)
+        better = new_cost <= cost[which]
+        damping[which] = np.where(better, damping[which] * 0.1, np.maximum(damping[which] * 30.0, 1e-3))
+        taken = which[better]
+        factors[taken], blur[taken], cost[taken] = trial.factors[better], trial.blur[better], new_cost[better]
+        matrix[taken] = with_prior(new_equations.matrix, prior[which])[better]
+        gradient[taken] = new_equations.gradient[better]
+        if len(taken) == len(every):
+            current, state, equations = trial, new_state, new_equations
+        elif len(taken):
+            is_current = False
+    converged = ~running & (damping < _MOST_DAMPING)
+    if not is_current:
+        current = Seen.of(bands, factors, blur, shares)
+        state, equations, _ = evaluate(current, every)
+        ahead[:] = 0.0
+    return Descent(factors, blur, converged, current, state, equations, ahead)
+
+
+def _after(factors: FloatArray, blur: FloatArray, step: FloatArray) -> tuple[FloatArray, FloatArray]:
+    limited = np.clip(step, -_LONGEST_STEP, _LONGEST_STEP)
+    changed = blur + limited[:, MODES:]
+    low, high = np.log(_SIGMA_PX[0]), np.log(_SIGMA_PX[1])
+    changed[:, 0] = np.clip(changed[:, 0], low, high)
+    changed[:, 1:] = np.clip(changed[:, 1:], -_MOST_UNEQUAL, _MOST_UNEQUAL)
+    return grown(factors, limited[:, :MODES]), changed
+
+
+def with_prior(matrix: FloatArray, prior: FloatArray) -> FloatArray:
+    """Return the information (m, 8, 8) on modes and blurs with the `prior` (m, 3) on the blurs added."""
+    matrix = matrix.copy()
+    matrix[:, range(MODES, MODES + BLUR), range(MODES, MODES + BLUR)] += prior
+    return matrix
