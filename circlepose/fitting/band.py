@@ -11,7 +11,7 @@ from circlepose._typing import BoolArray, FloatArray, Image, IntArray, RealArray
 from circlepose.camera import Camera
 from circlepose.conic import Ellipse
 
-_BEYOND_PX = np.arange(1.0, 13.0)
+_BEYOND_PX = np.arange(1.0, 12.5, 1.5)
 """What is looked at beyond a band, from its border."""
 _PER_PX, _ANGLES = 3.2, (16, 640)
 """Places along each ellipse, for a px of its major axis, and least and most."""
@@ -95,28 +95,39 @@ def beyond_bands(
     """Sample pixels along ellipses farther in and out than `reach_px` (m,); those at the `limits` do not count."""
     every = Ellipse.batch(rims)
     axes = np.stack([every.semi_major, every.semi_minor], axis=-1)
-    turn = np.stack([np.cos(every.angle), np.sin(every.angle)], axis=-1)[:, :, None, None]
-    center = every.center[:, :, None, None]
     number = int(np.clip(_PER_PX * axes.max(), *_ANGLES))
-    angle = np.linspace(0.0, 2.0 * np.pi, number, endpoint=False)
     off = reach_px[:, None] + _BEYOND_PX
-    grown = axes[:, :, None] + np.stack([-off, off])[:, :, None]
-    along, across = grown[:, :, 0, :, None] * np.cos(angle), grown[:, :, 1, :, None] * np.sin(angle)
-    x = np.rint(center[:, 0] + turn[:, 0] * along - turn[:, 1] * across)
-    y = np.rint(center[:, 1] + turn[:, 1] * along + turn[:, 0] * across)
+    inside, outside = (
+        _sampled(grey, camera, every, axes[:, :, None] + sign * off[:, None], number, limits) for sign in (-1.0, 1.0)
+    )
+    return Beyond(*(np.stack(pair) for pair in zip(inside, outside, strict=True)))
+
+
+def _sampled(
+    grey: Image, camera: Camera, rims: Ellipse, axes: FloatArray, number: int, limits: tuple[float, float]
+) -> tuple[RealArray, RealArray, RealArray]:
+    """Return levels (m, k), weight (m, k) and rays (m, 3, k) of pixels at a `number` of places along each ellipse.
+
+    The ellipses around the centres of the `rims` have other `axes` (m, 2, rings), negative where there is none.
+    """
+    angle = np.linspace(0.0, 2.0 * np.pi, number, endpoint=False, dtype=np.float32)
+    cos, sin = (f(rims.angle)[:, None, None].astype(np.float32) for f in (np.cos, np.sin))
+    axes = axes.astype(np.float32)
+    along, across = axes[:, 0, :, None] * np.cos(angle), axes[:, 1, :, None] * np.sin(angle)
+    m = len(axes)
+    x = np.rint(rims.center[:, 0, None, None] + cos * along - sin * across).reshape(m, -1)
+    y = np.rint(rims.center[:, 1, None, None] + sin * along + cos * across).reshape(m, -1)
     height, width = grey.shape
-    weight = np.clip(np.pi * grown.sum(axis=2) * (_BEYOND_PX[1] - _BEYOND_PX[0]) / number, 0.0, 1.0)
-    weight = weight * (grown[:, :, 1] > 0.0)
-    weight = weight[..., None] * ((x >= 0.0) & (x < width) & (y >= 0.0) & (y < height))
+    # Where more places than pixels are on an ellipse, each counts for less.
+    share = np.clip(np.pi * axes.sum(axis=1) * (_BEYOND_PX[1] - _BEYOND_PX[0]) / number, 0.0, 1.0)
+    weight = np.repeat(np.where(axes[:, 1] > 0.0, share, 0.0), number, axis=1).astype(np.float32)
+    weight *= (x >= 0.0) & (x < width) & (y >= 0.0) & (y < height)
     x, y = np.clip(x, 0.0, width - 1.0), np.clip(y, 0.0, height - 1.0)
     levels = grey[y.astype(np.intp), x.astype(np.intp)].astype(np.float32)
-    shape = (2, len(rims), -1)
-    rays = camera.rays(np.stack([x, y], axis=-1)).reshape(*shape, 3)
-    unseen = ~np.isfinite(rays[..., 2])
-    rays[unseen] = [0.0, 0.0, 1.0]
-    weight, levels = weight.reshape(shape), levels.reshape(shape)
+    rays = np.moveaxis(camera.rays(np.stack([x, y], axis=-1)), -1, 1).astype(np.float32)
+    unseen = ~np.isfinite(rays[:, 2])
     weight[unseen | (levels <= limits[0]) | (levels >= limits[1])] = 0.0
-    return Beyond(levels, weight.astype(np.float32), np.ascontiguousarray(np.moveaxis(rays, -1, 2), dtype=np.float32))
+    return levels, weight, np.ascontiguousarray(np.where(unseen[:, None], np.float32(0.5), rays))
 
 
 def _joined(
