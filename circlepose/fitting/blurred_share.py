@@ -14,6 +14,7 @@ parameters log sigma, alpha and beta. On a small disc unequal blur looks like a 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,7 +30,11 @@ _MOST_BEND = 0.7
 _ROOT_TWO_PI = float(np.sqrt(2.0 * np.pi))
 _TAIL_SCALE = 0.2316419
 _TAIL = (1.330274429, -1.821255978, 1.781477937, -0.356563782, 0.319381530)
-_LINES, _LINE_WEIGHTS = np.polynomial.hermite_e.hermegauss(7)
+_SUMS = 3 + MODES
+"""The share, its derivatives to the logarithms of both widths, and to the modes."""
+_FAR_SIGMAS = 5.0
+_FEW = 0.5
+_LINES, _LINE_WEIGHTS = np.polynomial.hermite_e.hermegauss(5)
 _LINE_WEIGHTS = _LINE_WEIGHTS / _ROOT_TWO_PI
 
 
@@ -148,38 +153,55 @@ def straight(at: Places, blur: FloatArray) -> Share:
 def curved(at: Places, blur: FloatArray) -> Share:
     """As `straight`, for any curvature."""
     widths = _widths(at, blur)
-    (v0, v1), (t0, t1) = at.across, at.along
-    vv = v0 * v0 + v1 * v1
-    shape = at.distance_px.shape
-    kind = at.distance_px.dtype
-    share, by_across, by_along = (np.zeros(shape, kind) for _ in range(3))
-    by_parameters = np.zeros((shape[0], MODES + BLUR, shape[1]), kind)
+    shape, kind = at.distance_px.shape, at.distance_px.dtype
+    vv = at.across[0] ** 2 + at.across[1] ** 2
+    sums = np.zeros((_SUMS, *shape), kind)
+    flat = [each.ravel() for each in (*at.plane, *at.across, *at.along, vv, widths.across, widths.along)]
     for line, weight in zip(_LINES.tolist(), _LINE_WEIGHTS.tolist(), strict=True):
-        q0, q1 = at.plane[0] + line * widths.along * t0, at.plane[1] + line * widths.along * t1
-        qv = (q0 * v0 + q1 * v1) / vv
-        under_root = qv * qv - (q0 * q0 + q1 * q1 - 1.0) / vv
-        root = np.sqrt(np.maximum(under_root, 1e-12))
         for sign in (1.0, -1.0):
-            s = sign * root - qv
-            c0, c1 = q0 + s * v0, q1 + s * v1
-            steep = sign * root * vv
-            at_end = s / widths.across
-            density, inside = normal_share(at_end)
-            density *= sign * weight
-            # A line that misses the rim has both ends in one place.
-            density[under_root <= 1e-12] = 0.0
-            share += (sign * weight) * inside
-            by_across -= density * at_end
-            moved = density / (widths.across * steep)
-            by_along -= moved * (line * widths.along) * (c0 * t0 + c1 * t1)
-            by_parameters[:, 0] += moved
-            by_parameters[:, 1] += moved * c0
-            by_parameters[:, 2] += moved * c1
-            by_parameters[:, 3] += moved * (c0 * c0 - c1 * c1)
-            by_parameters[:, 4] += moved * (2.0 * c0 * c1)
+            _add_end(sums.reshape(_SUMS, -1), flat, line, weight, sign)
+    by_parameters = np.empty((shape[0], MODES + BLUR, shape[1]), kind)
+    by_parameters[:, :MODES] = np.moveaxis(sums[3:], 0, 1)
+    share, by_across, by_along = sums[:3]
     widths.fill(by_parameters, by_across, by_along)
     z = -(at.distance_px + 0.5 * at.curvature * widths.along**2) / widths.across
     return Share(share, by_parameters, z, normal_share(z)[1], widths)
+
+
+def _add_end(sums: RealArray, flat: Sequence[RealArray], line: float, weight: float, sign: float) -> None:
+    """Add the ends of one line through each pixel, those outwards (`sign` 1) or inwards, to the sums of `curved`."""
+    p0, p1, v0, v1, t0, t1, vv, across, along = flat
+    step = line * along
+    q0, q1 = p0 + step * t0, p1 + step * t1
+    qv = (q0 * v0 + q1 * v1) / vv
+    under_root = qv * qv - (q0 * q0 + q1 * q1 - 1.0) / vv
+    root = sign * np.sqrt(np.maximum(under_root, 1e-12))
+    s = root - qv
+    at_end = s / across
+    if sign < 0.0:
+        # Across a disc that is not small the other side of the rim is far off: there is next to none of it.
+        near = np.flatnonzero(at_end > -_FAR_SIGMAS)
+        if len(near) == 0:
+            return
+        if len(near) < _FEW * len(at_end):
+            some = np.zeros((len(sums), len(near)), sums.dtype)
+            _add_end(some, [each[near] for each in flat], line, weight, sign)
+            sums[:, near] += some
+            return
+    c0, c1 = q0 + s * v0, q1 + s * v1
+    density, inside = normal_share(at_end)
+    density *= sign * weight
+    # A line that misses the rim has both ends in one place.
+    density *= under_root > 1e-12
+    moved = density / (across * root * vv)
+    sums[0] += (sign * weight) * inside
+    sums[1] -= density * at_end
+    sums[2] -= moved * step * (c0 * t0 + c1 * t1)
+    sums[3] += moved
+    sums[4] += moved * c0
+    sums[5] += moved * c1
+    sums[6] += moved * (c0 * c0 - c1 * c1)
+    sums[7] += moved * (2.0 * c0 * c1)
 
 
 def normal_share(z: RealArray) -> tuple[RealArray, RealArray]:
