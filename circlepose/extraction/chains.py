@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, Self
 
 import numpy as np
@@ -13,6 +13,7 @@ from circlepose._typing import BoolArray, FloatArray, IntArray
 from circlepose.conic import Ellipse
 
 _CORNERS = 64
+_AT_ONCE = 512
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,8 +86,18 @@ class Chains:
         And (m,) the enclosed area over that of the ellipse: 1 for an ellipse, less for any other shape, about 0
         for a chain that goes there and back. Green's theorem over a polygon of 64 of its points.
         """
-        origin = self.points[self.starts]
-        corners = self.samples(_CORNERS) - origin[:, None, :]
+        # Of a page of text there are thousands: in parts, so that what is in memory is bounded.
+        parts = [self._moments(first) for first in range(0, max(len(self), 1), _AT_ONCE)]
+        return Ellipse(
+            *(np.concatenate([getattr(ellipse, field.name) for ellipse, _ in parts]) for field in fields(Ellipse))
+        ), np.concatenate([fullness for _, fullness in parts])
+
+    def _moments(self, first: int) -> tuple[Ellipse, FloatArray]:
+        """As `moment_ellipses`, of the chains from `first` on, as many as are taken at once."""
+        starts, sizes = (each[first : first + _AT_ONCE] for each in (self.starts, self.sizes))
+        origin = self.points[starts]
+        steps = (np.arange(_CORNERS)[None, :] * sizes[:, None]) // _CORNERS
+        corners = self.points[starts[:, None] + steps].astype(np.float64) - origin[:, None, :]
         x, y = corners[..., 0], corners[..., 1]
         following = np.roll(corners, -1, axis=1)
         u, v = following[..., 0], following[..., 1]
