@@ -19,7 +19,7 @@ from circlepose.measure import rim_from_fit, rim_pixels
 from circlepose.refinement import refined
 from circlepose.rim_modes import amounts_between, dual_circle, grown
 from circlepose.synthesis.render import render
-from circlepose.synthesis.scene import Disc, Paint, Scene
+from circlepose.synthesis.scene import Disc, Paint, Scene, Texture
 
 FOCAL = 1200.0
 RADIUS_MM = 60.0
@@ -68,6 +68,23 @@ def test_errors_are_as_large_as_the_covariance_says(radius_px, blur, noise):
     # Of five amounts: 5 on average, with a standard deviation of 3.2/sqrt(24).
     assert 3.0 < np.mean(squares) < 8.0
     assert np.median(sigmas) < 0.05 * np.sqrt(10.0 / radius_px) * max(noise / 2.0, 1.0)
+
+
+def test_mottled_surfaces_are_told_of():
+    """Texture near a rim looks like an edge a little elsewhere: the fit meets most of it, the covariance the rest."""
+    squares, pixels = [], []
+    for seed in range(16):
+        scene = disc_scene(40.0, 20.0 + 2.0 * seed, seed, noise=2.0)
+        (disc,) = scene.targets
+        on_disc = replace(disc, paint=Paint(40.0, Texture(6.0, 20.0, seed)))
+        mottled = replace(scene, targets=(on_disc,), background=Paint(200.0, Texture(6.0, 14.0, 100 + seed)))
+        (rim,) = refined(render(mottled), scene.camera, [start(scene, 0.1, seed)])
+        assert rim.modes_covariance is not None
+        off = errors(scene, rim)
+        squares.append(off @ np.linalg.solve(rim.modes_covariance, off))
+        pixels.append(np.abs(off) * 40.0)
+    assert 1.5 < np.mean(squares) < 8.0
+    assert np.median(pixels) < 0.01
 
 
 def test_the_lens_is_inside_the_model():

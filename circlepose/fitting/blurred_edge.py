@@ -26,6 +26,10 @@ from circlepose.fitting.blurred_share import Places, Share, normal_share
 LINEAR = 11
 """Levels in all: harmonic polynomials inside and outside, and the term beside a Gaussian."""
 SHAPES = 5
+_FINEST = 6
+"""Order of the finest harmonic by which texture is met."""
+TEXTURES = 1 + 2 * _FINEST + 2 * (_FINEST - 2)
+_BAND_PX = 4.0
 _RIDGE = 1e-9
 """Relative to the mean square of the columns: levels that no pixel tells of stay finite."""
 _WIDER = 2.5
@@ -46,11 +50,11 @@ class Levels:
     slopes: RealArray
     """(m, 8, k) derivatives to the five modes and the blur, at fixed levels"""
     linear: RealArray
-    """(m, 12, k) derivatives to the levels, and what was measured"""
+    """(m, l + 1, k) derivatives to the levels, and what was measured"""
     gram: FloatArray
-    """(m, 11, 11) information on the levels, times the noise's variance"""
+    """(m, l, l) information on the levels, times the noise's variance"""
     levels: FloatArray
-    """(m, 11)"""
+    """(m, l) with l 11, or more where there is texture"""
     model: RealArray
     """(m, k) the level, whatever the weight"""
     square: FloatArray
@@ -61,11 +65,11 @@ class Levels:
     @property
     def contrast(self) -> FloatArray:
         """Levels inside minus outside, on average around the rim (m,)."""
-        return self.levels[:, 0] - self.levels[:, SHAPES]
+        return self.levels[:, 0] - self.levels[:, self.levels.shape[1] // 2]
 
     def normal_equations(self) -> Equations:
         """Return the equations of the modes and the blur, the levels eliminated."""
-        across = (self.linear @ self.slopes.transpose(0, 2, 1)).astype(np.float64)[:, :LINEAR]
+        across = (self.linear @ self.slopes.transpose(0, 2, 1)).astype(np.float64)[:, :-1]
         made_up = np.linalg.solve(self.gram, across)
         matrix = (self.slopes @ self.slopes.transpose(0, 2, 1)).astype(np.float64)
         matrix -= across.transpose(0, 2, 1) @ made_up
@@ -76,7 +80,7 @@ class Levels:
     def projected_slopes(self, equations: Equations) -> RealArray:
         """Return the slopes (m, 8, k) less what the levels make up for, which is no information."""
         made_up = equations.made_up.transpose(0, 2, 1).astype(self.slopes.dtype)
-        return self.slopes - made_up @ self.linear[:, :LINEAR]
+        return self.slopes - made_up @ self.linear[:, :-1]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,7 +92,7 @@ class Equations:
     gradient: FloatArray
     """(m, 8)"""
     made_up: FloatArray
-    """(m, 11, 8) the change of levels that makes up best for each of the slopes"""
+    """(m, l, 8) the change of levels that makes up best for each of the slopes"""
 
 
 def stiffness(
@@ -109,27 +113,28 @@ class Columns:
 
     share: Share
     shapes: RealArray
-    """(m, 5, k)"""
+    """(m, s, k), 5 or more"""
     columns: RealArray
-    """(m, 12, k) derivatives to the levels, and what was measured, whatever the weight"""
+    """(m, 2 s + 2, k) derivatives to the levels, and what was measured, whatever the weight"""
     weighted: RealArray
-    """(m, 12, k)"""
+    """(m, 2 s + 2, k)"""
     weight: RealArray
     """(m, k)"""
     products: FloatArray
-    """(m, 12, 12)"""
+    """(m, 2 s + 2, 2 s + 2)"""
     odd_slope: RealArray
     """(m, k) change of the last column with the edge, relative to that of the share"""
 
     @classmethod
-    def of(cls, bands: Bands, at: Places, share: Share) -> Self:
+    def of(cls, bands: Bands, at: Places, share: Share, *, textured: bool = False) -> Self:
         """Return those of the pixels of `bands`, `at` their places, with their `share`."""
         z = share.z
-        shapes = harmonics(*at.plane)
+        shapes = texture_shapes(at) if textured else harmonics(*at.plane)
+        number = shapes.shape[1]
         # A multiple of four rows, which products of matrices like; what was measured among them, as the right side.
-        columns = np.empty((len(z), LINEAR + 1, z.shape[1]), z.dtype)
-        np.multiply(shapes, share.share[:, None], out=columns[:, :SHAPES])
-        np.subtract(shapes, columns[:, :SHAPES], out=columns[:, SHAPES:-2])
+        columns = np.empty((len(z), 2 * number + 2, z.shape[1]), z.dtype)
+        np.multiply(shapes, share.share[:, None], out=columns[:, :number])
+        np.subtract(shapes, columns[:, :number], out=columns[:, number:-2])
         across, along = share.widths.across, share.widths.along
         wide = -(at.distance_px / _WIDER + 0.5 * _WIDER * at.curvature * along**2) / across
         columns[:, -2] = normal_share(wide)[1] - share.straight
@@ -156,11 +161,12 @@ class MoreLevels(Protocol):
 
 
 def fit_levels(columns: Columns, stiff: FloatArray, more: MoreLevels | None = None) -> Levels:
-    """Fit the levels of m blurred edges, as `stiff` as (m, 11) says, and with what `more` there is known of them."""
+    """Fit the levels of m blurred edges, as `stiff` as (m, l) says, and with what `more` there is known of them."""
     share, shapes = columns.share, columns.shapes
+    number = shapes.shape[1]
     gram = columns.products[:, :-1, :-1]
-    ridge = _RIDGE * np.trace(gram, axis1=1, axis2=2) / LINEAR + 1e-30
-    gram = gram + (stiff + ridge[:, None])[:, :, None] * np.eye(LINEAR)
+    ridge = _RIDGE * np.trace(gram, axis1=1, axis2=2) / gram.shape[1] + 1e-30
+    gram = gram + (stiff + ridge[:, None])[:, :, None] * np.eye(gram.shape[1])
     right = columns.products[:, :-1, -1]
     if more is not None:
         gram, right = gram + more.gram, right + more.right
@@ -168,7 +174,7 @@ def fit_levels(columns: Columns, stiff: FloatArray, more: MoreLevels | None = No
     few = levels.astype(shapes.dtype)[:, None]
     model = (few @ columns.columns[:, :-1])[:, 0]
     residual = (model - columns.columns[:, -1]) * columns.weight
-    step = ((few[..., :SHAPES] - few[..., SHAPES:-1]) @ shapes)[:, 0]
+    step = ((few[..., :number] - few[..., number:-1]) @ shapes)[:, 0]
     # The odd term moves with the edge.
     step += few[..., -1] * columns.odd_slope
     step *= columns.weight
@@ -191,4 +197,29 @@ def harmonics(p0: RealArray, p1: RealArray) -> RealArray:
     shapes[..., 0, :], shapes[..., 1, :], shapes[..., 2, :] = 1.0, p0, p1
     np.subtract(p0 * p0, p1 * p1, out=shapes[..., 3, :])
     np.multiply(2.0 * p0, p1, out=shapes[..., 4, :])
+    return shapes
+
+
+def texture_shapes(at: Places) -> RealArray:
+    """Return the `harmonics` (m, 26, k) and what texture may add: finer ones, and slopes across the rim, as fine.
+
+    That is what a level that varies on the scale of the band or more does within it, to first order.
+    """
+    p0, p1 = at.plane
+    shapes = np.empty((len(p0), SHAPES + TEXTURES, p0.shape[1]), p0.dtype)
+    shapes[:, :SHAPES] = harmonics(p0, p1)
+    per_radius = 1.0 / np.maximum(at.radius, 1e-6)
+    u0, u1 = p0 * per_radius, p1 * per_radius
+    slope = at.distance_px * (1.0 / _BAND_PX)
+    cos, sin = np.ones_like(u0), np.zeros_like(u0)
+    shapes[:, SHAPES] = slope
+    place = SHAPES + 1
+    for order in range(1, _FINEST + 1):
+        cos, sin = cos * u0 - sin * u1, cos * u1 + sin * u0
+        if order > 2:
+            shapes[:, place], shapes[:, place + 1] = cos, sin
+            place += 2
+        np.multiply(slope, cos, out=shapes[:, place])
+        np.multiply(slope, sin, out=shapes[:, place + 1])
+        place += 2
     return shapes

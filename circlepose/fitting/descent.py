@@ -37,12 +37,16 @@ class Seen:
     blur: FloatArray
     at: Places
     columns: Columns
+    textured: bool = False
+    """whether there are levels for texture"""
 
     @classmethod
-    def of(cls, bands: Bands, factors: FloatArray, blur: FloatArray, shares: Shares) -> Seen:
+    def of(
+        cls, bands: Bands, factors: FloatArray, blur: FloatArray, shares: Shares, *, textured: bool = False
+    ) -> Seen:
         """Return the rims of cones with `factors` (m, 3, 3) and `blur` (m, 3), as the pixels of `bands` see them."""
         at = places(bands, factors)
-        return cls(factors, blur, at, Columns.of(bands, at, shares(at, blur)))
+        return cls(factors, blur, at, Columns.of(bands, at, shares(at, blur), textured=textured), textured)
 
     def weighted(self, bands: Bands) -> Seen:
         """Return the same with the weight that the pixels have in `bands`."""
@@ -107,10 +111,7 @@ def descend(
         gain = -np.sum(step * gradient, axis=1)
         variance = cost / counted + QUANTIZATION
         running &= (gain > _CONVERGED * variance) & (damping < _MOST_DAMPING)
-        # How far the second order may move a rim, beside its own error.
-        error = np.sqrt(np.maximum(np.min(np.einsum("mii->mi", inverse)[:, :MODES], axis=1), 0.0) * variance)
-        moved = np.abs(step[:, :MODES]).sum(axis=1)
-        last = running & (moved * (moved + np.abs(step[:, MODES:]).sum(axis=1)) < short * error)
+        last = running & (_second_order(step, inverse, variance) < short)
         if last.any():
             factors[last], blur[last] = _after(factors[last], blur[last], step[last])
             ahead[last] = step[last]
@@ -119,7 +120,8 @@ def descend(
         if len(which) == 0:
             break
         some = bands if len(which) == len(every) else bands[which]
-        trial = Seen.of(some, *_after(factors[which], blur[which], step[which]), shares)
+        moved_to = _after(factors[which], blur[which], step[which])
+        trial = Seen.of(some, *moved_to, shares, textured=seen.textured)
         new_state, new_equations, new_cost = evaluate(trial, which)
         better = new_cost <= cost[which]
         damping[which] = np.where(better, damping[which] * 0.1, np.maximum(damping[which] * 30.0, 1e-3))
@@ -133,10 +135,17 @@ def descend(
             is_current = False
     converged = ~running & (damping < _MOST_DAMPING)
     if not is_current:
-        current = Seen.of(bands, factors, blur, shares)
+        current = Seen.of(bands, factors, blur, shares, textured=seen.textured)
         state, equations, _ = evaluate(current, every)
         ahead[:] = 0.0
     return Descent(factors, blur, converged, current, state, equations, ahead)
+
+
+def _second_order(step: FloatArray, inverse: FloatArray, variance: FloatArray) -> FloatArray:
+    """Return (m,) how far the second order of a `step` (m, 8) may move a rim, in standard errors of the rim."""
+    error = np.sqrt(np.maximum(np.min(np.einsum("mii->mi", inverse)[:, :MODES], axis=1), 0.0) * variance)
+    moved = np.abs(step[:, :MODES]).sum(axis=1)
+    return moved * (moved + np.abs(step[:, MODES:]).sum(axis=1)) / np.maximum(error, 1e-30)
 
 
 def _after(factors: FloatArray, blur: FloatArray, step: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -33,15 +33,19 @@ class FarLevels:
     """(m, 11)"""
     square: FloatArray
     """(m,)"""
+    goes_on: BoolArray
+    """(m,) both sides are asked"""
 
     def __getitem__(self, which: BoolArray | IntArray) -> Self:
         """Return the sums of the rims `which` (m,)."""
-        return type(self)(self.gram[which], self.right[which], self.square[which])
+        return type(self)(self.gram[which], self.right[which], self.square[which], self.goes_on[which])
 
     @classmethod
     def none(cls, rims: int) -> Self:
         """Return the sums over no pixels."""
-        return cls(np.zeros((rims, LINEAR, LINEAR)), np.zeros((rims, LINEAR)), np.zeros(rims))
+        return cls(
+            np.zeros((rims, LINEAR, LINEAR)), np.zeros((rims, LINEAR)), np.zeros(rims), np.zeros(rims, np.bool_)
+        )
 
     @classmethod
     def of(
@@ -74,6 +78,7 @@ class FarLevels:
             found.gram[:, each, each] = like[side, :, None, None] * gram[side]
             found.right[:, each] = like[side, :, None] * right[side]
         found.square[:] = np.sum(like * square, axis=0)
+        found.goes_on[:] = like.all(axis=0)
         return found
 
     def misfit(self, levels: FloatArray) -> FloatArray:

@@ -6,13 +6,13 @@ Stretches of the rim whose residuals are unlike the others' (something hides or 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
 from circlepose._typing import BoolArray, FloatArray, IntArray, RealArray
 from circlepose.fitting.band import Bands, Beyond
-from circlepose.fitting.blurred_edge import LINEAR, Levels, fit_levels, stiffness
+from circlepose.fitting.blurred_edge import LINEAR, TEXTURES, Levels, fit_levels, stiffness
 from circlepose.fitting.blurred_share import BLUR, curved, straight
 from circlepose.fitting.correlation import correlation_of
 from circlepose.fitting.descent import SHORT_FIRST, Descent, Seen, Shares, descend, with_prior
@@ -26,6 +26,12 @@ _FEW_PIXELS = 1200
 _STRETCH_PX = 8.0
 _STRETCHES = (12, 72)
 _LEAST_PIXELS = 40
+_LEAST_MOTTLED_PX = 80.0
+"""Perimeter from which texture is looked for."""
+_SHOWS = 3.0
+"""Standard deviations by which levels for texture exceed what noise makes of them."""
+_LOOSE_TEXTURE, _LEAST_TEXTURE = 0.1, 1e-4
+"""Standard deviation of its levels before it is known, and at least, as a share of the contrast."""
 _WORST_CONDITION = 1e14
 
 
@@ -37,6 +43,10 @@ class Expected:
     """(m, 3)"""
     information: FloatArray
     """(m, 3) inverse variances; 0 where nothing is known"""
+
+    def __getitem__(self, which: IntArray) -> Expected:
+        """Return what is known of the rims `which` (n,)."""
+        return Expected(self.mean[which], self.information[which])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,6 +75,17 @@ class LevelsFit:
     """(m, k) of the pixels, in the end"""
     stiff: FloatArray
     """(m, 11) of the levels, see `blurred_edge.stiffness`"""
+
+    def __getitem__(self, which: IntArray) -> LevelsFit:
+        """Return the fits of the rims `which` (n,)."""
+        return LevelsFit(*(getattr(self, field.name)[which] for field in fields(self)))
+
+    def with_those(self, which: IntArray, others: LevelsFit) -> LevelsFit:
+        """Return the same with the fits of the rims `which` (n,) replaced by `others`."""
+        every = {field.name: getattr(self, field.name).copy() for field in fields(self)}
+        for name, values in every.items():
+            values[which] = getattr(others, name)
+        return LevelsFit(**every)
 
 
 def fit_to_levels(
@@ -122,7 +143,14 @@ def fit_to_levels(
         if same:
             break
     rim_used = 1.0 - np.array([row[:n, AT_RIM].mean() for row, n in zip(left_out, stretches, strict=True)])
-    return _told(fit, bands, expected, cells // ZONES, stretches, rim_used, stiff)
+    told = _told(fit, bands, expected, cells // ZONES, stretches, rim_used, stiff)
+    doubtful = told.correlation > 1.0 if far is None else (told.correlation > 1.0) | ~far.goes_on
+    which = np.flatnonzero(told.converged & doubtful & (perimeter_px > _LEAST_MOTTLED_PX))
+    if len(which) == 0:
+        return told
+    stretch = (cells[which] // ZONES) % left_out.shape[1] + stretches[which].max() * np.arange(len(which))[:, None]
+    again, better = _textured(told[which], bands[which], expected[which], stretch, stretches[which], shares)
+    return told.with_those(which[better], again[np.flatnonzero(better)])
 
 
 def _plain_edge(
@@ -142,6 +170,33 @@ def _plain_edge(
     fit = descend(few, seen, shares, stiff, prior, expected.mean, short=SHORT_FIRST)
     seen = fit.seen if few is bands and fit.is_seen else Seen.of(bands, fit.factors, fit.blur, shares)
     return seen, fit_levels(seen.columns, stiff)
+
+
+def _textured(
+    told: LevelsFit, bands: Bands, expected: Expected, stretch: IntArray, stretches: IntArray, shares: Shares
+) -> tuple[LevelsFit, BoolArray]:
+    """Fit rims again with levels for texture, of the size that shows in the levels; and tell (m,) where it does.
+
+    What varies near the rim, inside and outside, would else be taken for an edge a little elsewhere.
+    """
+    seen = Seen.of(bands, told.factors, told.blur, shares, textured=True)
+    kept = told.stiff.shape[1] // 2
+    unknown = (told.noise_levels / (_LOOSE_TEXTURE * np.abs(told.contrast_levels))) ** 2
+    loose = np.tile(unknown[:, None], TEXTURES)
+    stiff = np.concatenate([told.stiff[:, :kept], loose, told.stiff[:, kept:-1], loose, told.stiff[:, -1:]], axis=1)
+    state = fit_levels(seen.columns, stiff)
+    variance = _variance(state.square, bands, stiff.shape[1])
+    prior = variance[:, None] * expected.information
+    levels, covariance = _levels_ahead(state, prior, variance)
+    side = stiff.shape[1] // 2
+    extra = np.r_[kept:side, side + kept : stiff.shape[1] - 1]
+    square, expected_square = levels[:, extra] ** 2, np.einsum("mll->ml", covariance)[:, extra]
+    shows = np.sum(square / expected_square - 1.0, axis=1) > _SHOWS * np.sqrt(2.0 * len(extra))
+    texture = np.maximum(np.mean(square - expected_square, axis=1), (_LEAST_TEXTURE * told.contrast_levels) ** 2)
+    stiff[:, kept:side] = stiff[:, side + kept : -1] = (variance / texture)[:, None]
+    fit = descend(bands, seen, shares, stiff, prior, expected.mean)
+    again = _told(fit, bands, expected, stretch, stretches, told.rim_used, told.stiff)
+    return again, shows & again.converged
 
 
 def _told(
@@ -187,7 +242,7 @@ def _levels_ahead(state: Levels, prior: FloatArray, variance: FloatArray) -> tup
     return state.levels + change[..., 0], covariance * variance[:, None, None]
 
 
-def _variance(square: FloatArray, bands: Bands) -> FloatArray:
-    """Return the variance (m,) of the levels about the model, from the sum of squares (m,)."""
+def _variance(square: FloatArray, bands: Bands, levels: int = LINEAR) -> FloatArray:
+    """Return the variance (m,) of the pixels about a model of so many `levels`, from the sum of squares (m,)."""
     counted = np.sum(bands.weight, axis=1)
-    return np.maximum(square / np.maximum(counted - LINEAR - MODES - BLUR, 1.0), QUANTIZATION)
+    return np.maximum(square / np.maximum(counted - levels - MODES - BLUR, 1.0), QUANTIZATION)
