@@ -28,11 +28,11 @@ _STRETCHES = (12, 72)
 _LEAST_PIXELS = 40
 _LEAST_MOTTLED_PX = 80.0
 """Perimeter from which texture is looked for."""
-_SHOWS = 3.0
-"""Standard deviations by which levels for texture exceed what noise makes of them."""
-_LOOSE_TEXTURE, _LEAST_TEXTURE = 0.1, 1e-4
-"""Standard deviation of its levels before it is known, and at least, as a share of the contrast."""
 _WORST_CONDITION = 1e14
+_SHOWS = 4.0
+"""Log likelihood by which levels with texture are to be preferred."""
+_LOOSE_TEXTURE, _TEXTURE_SIZES = 0.1, np.geomspace(1e-3, 0.1, 13)
+"""Standard deviation of its levels before it is known, and those tried, as a share of the contrast."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -190,13 +190,26 @@ def _textured(
     levels, covariance = _levels_ahead(state, prior, variance)
     side = stiff.shape[1] // 2
     extra = np.r_[kept:side, side + kept : stiff.shape[1] - 1]
-    square, expected_square = levels[:, extra] ** 2, np.einsum("mll->ml", covariance)[:, extra]
-    shows = np.sum(square / expected_square - 1.0, axis=1) > _SHOWS * np.sqrt(2.0 * len(extra))
-    texture = np.maximum(np.mean(square - expected_square, axis=1), (_LEAST_TEXTURE * told.contrast_levels) ** 2)
-    stiff[:, kept:side] = stiff[:, side + kept : -1] = (variance / texture)[:, None]
+    sizes = np.abs(told.contrast_levels)[:, None] * _TEXTURE_SIZES
+    texture, gain = _likeliest(levels[:, extra], covariance[:, extra[:, None], extra], sizes)
+    stiff[:, kept:side] = stiff[:, side + kept : -1] = (variance / texture**2)[:, None]
     fit = descend(bands, seen, shares, stiff, prior, expected.mean)
     again = _told(fit, bands, expected, stretch, stretches, told.rim_used, told.stiff)
-    return again, shows & again.converged
+    return again, (gain > _SHOWS) & again.converged
+
+
+def _likeliest(levels: FloatArray, covariance: FloatArray, sizes: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return (m,) which of the `sizes` (m, n) of texture is the likeliest, and the log likelihood over that of none.
+
+    From levels (m, l) that were measured with `covariance` (m, l, l).
+    """
+    spread, turn = np.linalg.eigh(covariance)
+    square = (np.swapaxes(turn, -1, -2) @ levels[..., None])[..., 0] ** 2
+    variances = np.maximum(spread, 1e-12)[:, None] + np.column_stack([np.zeros(len(sizes)), sizes])[..., None] ** 2
+    likelihood = -0.5 * np.sum(np.log(variances) + square[:, None] / variances, axis=-1)
+    best = np.argmax(likelihood[:, 1:], axis=1)
+    rows = np.arange(len(sizes))
+    return sizes[rows, best], likelihood[rows, 1 + best] - likelihood[:, 0]
 
 
 def _told(
