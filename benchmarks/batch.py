@@ -22,7 +22,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from circlepose.camera import Camera, circle_contour
+from circlepose.camera import Camera
+from circlepose.synthesis.render import render
+from circlepose.synthesis.scene import Disc, Paint, Scene
 
 COMMAND = [str(Path(sys.executable).with_name("circlepose")), "estimate"]
 JOBS = 2
@@ -46,12 +48,10 @@ def write_images(folder: Path, number: int, size: tuple[int, int], discs: int = 
     for each in range(DISTINCT):
         tilt = np.radians(rng.uniform(10.0, 70.0))
         center = np.array([*rng.uniform(-60.0, 60.0, 2), rng.uniform(500.0, 1200.0)])
-        rim = circle_contour(camera, center, np.array([0.0, np.sin(tilt), -np.cos(tilt)]), RADIUS_MM)
-        image = np.full((height, width), 200, np.uint8)
-        if each < discs:
-            cv2.fillPoly(image, [np.round(rim * 256).astype(np.int32)], 40, cv2.LINE_AA, shift=8)
-        noisy = cv2.GaussianBlur(image, (0, 0), 0.7) + rng.normal(0.0, 2.0, image.shape)
-        cv2.imwrite(str(folder / "stored" / f"{each}.png"), np.clip(noisy, 0, 255).astype(np.uint8))
+        disc = Disc(center, np.array([0.0, np.sin(tilt), -np.cos(tilt)]), RADIUS_MM, Paint(40.0))
+        targets = (disc,) if each < discs else ()
+        scene = Scene(camera, targets, Paint(200.0), blur_px=0.7, noise_levels=2.0, noise_seed=each)
+        cv2.imwrite(str(folder / "stored" / f"{each}.png"), render(scene))
     for each in range(number):
         (folder / f"{each:06d}.png").symlink_to(folder / "stored" / f"{each % DISTINCT}.png")
     return folder
