@@ -11,6 +11,7 @@ from circlepose._typing import BoolArray, FloatArray, IntArray
 from circlepose.conic import Ellipse, rim_distance
 
 _REACH_SIGMA = 3.5
+_AT_ONCE = 64
 _SAME_PX = 1.5
 """Rims whose axes' ends are closer than this are one edge, found twice."""
 
@@ -46,7 +47,10 @@ def bands_that_meet(ellipses: Sequence[Ellipse], reach_px: FloatArray, contrast:
     """Tell (n,) which of n rims have another within `reach_px` (n,) whose `contrast` (n,) is known."""
     if not len(ellipses):
         return np.zeros(0, bool)
-    return np.asarray(_meet(Ellipse.batch(ellipses), reach_px, contrast, np.arange(len(ellipses))).any(axis=1))
+    every = Ellipse.batch(ellipses)
+    # In parts, so that what is in memory does not grow with the square of their number.
+    parts = np.split(np.arange(len(ellipses)), np.arange(_AT_ONCE, len(ellipses), _AT_ONCE))
+    return np.concatenate([_meet(every, reach_px, contrast, part).any(axis=1) for part in parts])
 
 
 def _meet(every: Ellipse, reach_px: FloatArray, contrast: FloatArray, rims: IntArray) -> BoolArray:
