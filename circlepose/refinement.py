@@ -54,6 +54,8 @@ def refined(grey: Image, camera: Camera, rims: Sequence[Rim]) -> list[Rim]:
         crowded = bands_that_meet(ellipses, reach + REACH_SIGMA * sigma, contrast)
         small = np.array([float(rim.ellipse.semi_minor) < _SMALL_PX for rim in rims])
         order = [i for i in open_ if not again or blurred[i] or crowded[i] or (small[i] and len(open_) >= _MANY)]
+        if not order:
+            break
         order.sort(key=lambda i: (is_curved(rims[i].ellipse), _perimeter(rims[i])))
         expected = _expected(blur, variance) if again else Expected(blur, first_information(len(rims)))
         if again:

@@ -30,6 +30,8 @@ def light_of_neighbours(
     outside of `contrast` (n,), 0 where that is not known, and bands of `reach_px` (n,).
     """
     light = np.zeros(pixels.shape[:2])
+    if len(ellipses) < 2:
+        return light
     every = Ellipse.batch(ellipses)
     first, second = np.nonzero(_meet(every, reach_px + _REACH_SIGMA * sigma_px, contrast, rims))
     if len(first) == 0:
@@ -45,8 +47,8 @@ def light_of_neighbours(
 
 def bands_that_meet(ellipses: Sequence[Ellipse], reach_px: FloatArray, contrast: FloatArray) -> BoolArray:
     """Tell (n,) which of n rims have another within `reach_px` (n,) whose `contrast` (n,) is known."""
-    if not len(ellipses):
-        return np.zeros(0, bool)
+    if len(ellipses) < 2:
+        return np.zeros(len(ellipses), bool)
     every = Ellipse.batch(ellipses)
     # In parts, so that what is in memory does not grow with the square of their number.
     parts = np.split(np.arange(len(ellipses)), np.arange(_AT_ONCE, len(ellipses), _AT_ONCE))
