@@ -178,7 +178,9 @@ class _Run:
         self.count += 1
         chunk.begun = 0
         self.chunks[self.count] = chunk
-        packed = pack([_for_others(place.item) for place in chunk.places], self.options, self.timeout_s)
+        suspected = any(place.deaths for place in chunk.places)
+        items = [_for_others(place.item) for place in chunk.places]
+        packed = pack(items, self.options, self.timeout_s, suspected=suspected)
         avoid = chunk.places[0].avoid
         self.connection.submit(self.count, measure_chunk, self.expected, packed, avoid=avoid)
 

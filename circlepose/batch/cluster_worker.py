@@ -25,13 +25,14 @@ from circlepose.pose import ImageResult
 Task: TypeAlias = tuple[WorkItem, MeasureOptions]
 Outcome: TypeAlias = ImageResult | Lost[Task] | Failed[Task]
 
+_TOLD_S = 0.5
 _IDLE_S = 60.0
 """after which a process without work is ended"""
 
 
-def pack(items: Sequence[WorkItem], options: MeasureOptions, timeout_s: float) -> bytes:
-    """Return what `measure_chunk` is given."""
-    return pickle.dumps((list(items), options, timeout_s))
+def pack(items: Sequence[WorkItem], options: MeasureOptions, timeout_s: float, *, suspected: bool = False) -> bytes:
+    """Return what `measure_chunk` is given; `suspected` are images with which a worker was lost before."""
+    return pickle.dumps((list(items), options, timeout_s, suspected))
 
 
 def measure_chunk(expected: Mapping[str, str], packed: bytes, topic: str, number: int) -> bytes:
@@ -46,8 +47,11 @@ def measure_chunk(expected: Mapping[str, str], packed: bytes, topic: str, number
     differing = difference(versions(), expected)
     if differing:
         return json.dumps({"worker": worker.address, "refused": differing}).encode()
+    items, options, timeout_s, suspected = pickle.loads(packed)
+    if suspected:
+        # A worker tells what it has done a little later; lost with it, that would be blamed on the image before.
+        time.sleep(_TOLD_S)
     worker.log_event(topic, {"number": number, "begins": True})
-    items, options, timeout_s = pickle.loads(packed)
     outcomes = _processes.measured([(item, options) for item in items], timeout_s)
     answer = {"worker": worker.address, "outcomes": [_plain(each) for each in outcomes]}
     worker.log_event(topic, {"number": number, "begins": False})
