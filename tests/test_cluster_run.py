@@ -40,7 +40,7 @@ class Played:
         self._events: deque[Event] = deque()
 
     def submit(self, number: int, _function: object, _expected: object, packed: bytes, avoid: str | None) -> None:
-        items, _, _ = pickle.loads(packed)
+        items, _, _, _ = pickle.loads(packed)
         assert all(item.path.is_absolute() for item in items)
         assert number not in self.handed
         self.handed[number] = [item.name for item in items]
