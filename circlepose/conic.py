@@ -7,7 +7,7 @@ is on it when `x' C x = 0`. All functions take leading batch axes.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, Self
 
 import numpy as np
@@ -70,6 +70,12 @@ class Ellipse:
     def __len__(self) -> int:
         return len(self.semi_major)
 
+    def enlarged(self, scale: FloatArray, origin: FloatArray) -> Self:
+        """Return the ellipses (m,) in a plane whose unit is `scale` (m,) times less, seen from `origin` (m, 2)."""
+        return type(self)(
+            self.center * scale[:, None] + origin, self.semi_major * scale, self.semi_minor * scale, self.angle
+        )
+
     @property
     def factor(self) -> FloatArray:
         """Matrix `A`, shape (..., 3, 3), with the points `A (cos p, sin p, 1)` on the ellipse.
@@ -89,6 +95,11 @@ class Ellipse:
         eccentric = np.linspace(0.0, 2.0 * np.pi, number, endpoint=False)
         unit = np.stack([np.cos(eccentric), np.sin(eccentric), np.ones(number)], axis=-1)
         return np.einsum("...ij,kj->...ki", self.factor, unit)[..., :2]
+
+
+def joined_ellipses(batches: Sequence[Ellipse]) -> Ellipse:
+    """Return the ellipses of all batches as one."""
+    return Ellipse(*(np.concatenate([getattr(e, field.name) for e in batches]) for field in fields(Ellipse)))
 
 
 def wrap_half_turn(angle: FloatArray) -> FloatArray:

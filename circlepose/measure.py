@@ -101,7 +101,8 @@ def fit_rim(
         # The edges of a sliver say little of its tips, and where a part is hidden these say how long it is.
         if thin is not None or (is_sliver and contour.rim_used < _WHOLE):
             return thin
-    if refine and is_start and contour.rim_used > _FULL_RIM:
+    may_start = is_start and contour.rim_used > _FULL_RIM
+    if refine and may_start:
         rim = _rim_to_start_at(camera, contour)
         if rim is not None and rim.cone.rms_px < _FINEST_RMS_PX:
             return rim
@@ -109,7 +110,7 @@ def fit_rim(
     if fit is None:
         return None
     rim = rim_from_fit(camera, fit, contour.points, contour.rim_used, contour.polarity)
-    if rim is None or not refine or (is_start and contour.rim_used > _FULL_RIM and fit.rms_px < _FINEST_RMS_PX):
+    if rim is None or not refine or (may_start and fit.rms_px < _FINEST_RMS_PX):
         return rim
     rim = with_edges_placed(levels, camera, rim)
     return None if rim is not None and has_sharp_tips and not _spans(rim) else rim

@@ -47,12 +47,12 @@ def refined(grey: Image, camera: Camera, rims: Sequence[Rim]) -> list[Rim]:
     blur = start_blur(len(rims))
     variance = np.full((len(rims), 3), np.inf)
     contrast = np.zeros(len(rims))
+    small = np.array([float(rim.ellipse.semi_minor) < _SMALL_PX for rim in rims])
     ellipses = [rim.ellipse for rim in rims]
     for again in (False, True):
         sigma = np.exp(blur[:, 0])
         blurred = REACH_SIGMA * sigma > 1.1 * reach
         crowded = bands_that_meet(ellipses, reach + REACH_SIGMA * sigma, contrast)
-        small = np.array([float(rim.ellipse.semi_minor) < _SMALL_PX for rim in rims])
         order = [i for i in open_ if not again or blurred[i] or crowded[i] or (small[i] and len(open_) >= _MANY)]
         if not order:
             break
@@ -63,25 +63,22 @@ def refined(grey: Image, camera: Camera, rims: Sequence[Rim]) -> list[Rim]:
         neighbours = (ellipses, sigma, contrast.copy())
         fits: dict[int, Rim] = {}
         for chunk in _chunks(order, rims, reach):
-            bands = bands_around(grey, camera, [done[i].ellipse for i in chunk], reach[chunk])
-            beside = light_of_neighbours(bands.pixels, np.array(chunk), *neighbours, reach)
-            perimeter = np.array([_perimeter(rims[i]) for i in chunk])
-            factors = np.stack([done[i].cone.factor for i in chunk])
-            some = Expected(expected.mean[chunk], expected.information[chunk])
+            which = np.array(chunk)
+            around = [done[i].ellipse for i in chunk]
+            bands = bands_around(grey, camera, around, reach[which])
             fit = fit_to_levels(
                 bands,
-                factors,
-                blur[chunk],
-                some,
-                perimeter,
+                np.stack([done[i].cone.factor for i in chunk]),
+                blur[which],
+                expected[which],
+                np.array([_perimeter(rims[i]) for i in chunk]),
                 limits,
-                beside=beside,
-                beyond=beyond_bands(grey, camera, [done[i].ellipse for i in chunk], reach[chunk], limits),
+                beside=light_of_neighbours(bands.pixels, which, *neighbours, reach),
+                beyond=beyond_bands(grey, camera, around, reach[which], limits),
                 is_curved=is_curved(rims[chunk[0]].ellipse),
             )
-            fits.update(
-                zip(chunk, accepted(camera, [rims[i] for i in chunk], fit, noise, ~crowded[chunk]), strict=True)
-            )
+            found = accepted(camera, [rims[i] for i in chunk], fit, noise, ~crowded[which])
+            fits.update(zip(chunk, found, strict=True))
             for k, i in enumerate(chunk):
                 if fit.converged[k]:
                     blur[i], variance[i], contrast[i] = fit.blur[k], fit.blur_variance[k], fit.contrast_levels[k]
@@ -100,8 +97,8 @@ def noise_of(grey: Image) -> float:
     if width < 3:
         return _LEAST_NOISE
     rows = grey[:: max(1, height // _NOISE_ROWS)]
-    middle = np.arange(1, width - 1, max(1, width // _NOISE_COLUMNS))
-    left, middle, right = (rows[:, middle + shift].astype(np.float32) for shift in (-1, 0, 1))
+    columns = np.arange(1, width - 1, max(1, width // _NOISE_COLUMNS))
+    left, middle, right = (rows[:, columns + shift].astype(np.float32) for shift in (-1, 0, 1))
     bends = middle - (left + right) / 2.0
     return max(1.4826 * float(np.median(np.abs(bends))) / np.sqrt(1.5), _LEAST_NOISE)
 

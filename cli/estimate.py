@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import os
-
 import typer
 
 from circlepose_cli import debugging, options
 from circlepose_cli.options import ExtractionChoice, LayoutChoice, MethodChoice
 from circlepose_cli.overrides import target_overrides
+from circlepose_cli.threads import one_thread
 
 
 def estimate(
@@ -71,9 +70,7 @@ def estimate(
         radius_sigma_mm=radius_sigma_mm,
         camera_sigma=camera_sigma,
     )
-    # Cores are shared out by process; threads of the linear algebra would only be in each other's way.
-    for library in ("OPENBLAS", "OMP", "MKL"):
-        os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+    one_thread()
 
     from circlepose_cli.run import Request, run  # noqa: PLC0415 - needs NumPy and OpenCV
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Annotated
 
@@ -11,6 +10,7 @@ import typer
 from circlepose_cli import debugging, options
 from circlepose_cli.options import ExtractionChoice, ReportFormat
 from circlepose_cli.overrides import target_overrides
+from circlepose_cli.threads import one_thread
 
 
 def explain(
@@ -73,8 +73,7 @@ def explain(
         radius_sigma_mm=radius_sigma_mm,
         camera_sigma=camera_sigma,
     )
-    for library in ("OPENBLAS", "OMP", "MKL"):
-        os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+    one_thread()
 
     from circlepose_cli.explain_run import Request, run  # noqa: PLC0415 - needs NumPy and OpenCV
 

@@ -9,6 +9,7 @@ import typer
 
 from circlepose_cli import debugging, options
 from circlepose_cli.options import PolarityChoice, ReportFormat
+from circlepose_cli.overrides import parse_interval
 
 
 def inspect(
@@ -37,8 +38,8 @@ def inspect(
     """
     if verbose:
         debugging.show_tracebacks(True)
-    major = options.parse_interval("--major-px", major_px)
-    minor = options.parse_interval("--minor-px", minor_px)
+    major = parse_interval("--major-px", major_px)
+    minor = parse_interval("--minor-px", minor_px)
 
     from circlepose.files.images import read_image, write_image  # noqa: PLC0415 - needs NumPy and OpenCV
     from circlepose.inspection import draw_inspection  # noqa: PLC0415

@@ -97,37 +97,11 @@ class TargetOverrides:
     """px, of the focal length and the principal point"""
 
 
-def parse_count(text: str | None) -> int | Literal["all"] | None:
-    """Return a count of at least 1 or `all`; raises `UsageError`."""
-    if text is None:
-        return None
-    if text == "all":
-        return "all"
-    if text.isdecimal() and int(text) >= 1:
-        return int(text)
-    raise UsageError(f"--count: expected a whole number of at least 1, or all, got {text!r}.")
-
-
 def check_timeout(seconds: float | None) -> float | None:
     """Return a positive time in s; raises `UsageError`."""
     if seconds is not None and not 0.0 < seconds < math.inf:
         raise UsageError(f"--timeout: expected a positive time in seconds, got {seconds:g}.")
     return seconds
-
-
-def parse_interval(option: str, text: str | None) -> tuple[float, float] | None:
-    """Return the interval written as LOW:HIGH; raises `UsageError`."""
-    if text is None:
-        return None
-    try:
-        low, high = (float(part) for part in text.split(":"))
-    except ValueError:
-        low = high = math.nan
-    if not (math.isfinite(low) and math.isfinite(high) and 0.0 <= low < high):
-        raise UsageError(
-            f"{option}: expected two numbers LOW:HIGH with 0 <= LOW < HIGH, such as 300:1500, got {text!r}."
-        )
-    return low, high
 
 
 Inputs = Annotated[

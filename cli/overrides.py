@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
+from typing import Literal
 
 from circlepose.errors import UsageError
-from circlepose_cli import options
 from circlepose_cli.options import PolarityChoice, SideChoice, TargetOverrides, Vector
 
 
@@ -27,11 +27,11 @@ def target_overrides(
 ) -> TargetOverrides:
     """Return what the options of these names say, as they were typed; raises `UsageError`."""
     return TargetOverrides(
-        count=options.parse_count(count),
+        count=parse_count(count),
         polarity=polarity,
-        depth_range_mm=options.parse_interval("--depth-range-mm", depth_range_mm),
-        major_px=options.parse_interval("--major-px", major_px),
-        minor_px=options.parse_interval("--minor-px", minor_px),
+        depth_range_mm=parse_interval("--depth-range-mm", depth_range_mm),
+        major_px=parse_interval("--major-px", major_px),
+        minor_px=parse_interval("--minor-px", minor_px),
         coplanar=coplanar,
         normal=parse_vector("--normal", normal),
         normal_spread_deg=normal_spread_deg,
@@ -82,3 +82,29 @@ def parse_facing(text: str | None) -> SideChoice | Vector | None:
     if text in set(SideChoice):
         return SideChoice(text)
     raise UsageError(f"--facing: expected {', '.join(SideChoice)} or a direction X,Y,Z, got {text!r}.")
+
+
+def parse_count(text: str | None) -> int | Literal["all"] | None:
+    """Return a count of at least 1 or `all`; raises `UsageError`."""
+    if text is None:
+        return None
+    if text == "all":
+        return "all"
+    if text.isdecimal() and int(text) >= 1:
+        return int(text)
+    raise UsageError(f"--count: expected a whole number of at least 1, or all, got {text!r}.")
+
+
+def parse_interval(option: str, text: str | None) -> tuple[float, float] | None:
+    """Return the interval written as LOW:HIGH; raises `UsageError`."""
+    if text is None:
+        return None
+    try:
+        low, high = (float(part) for part in text.split(":"))
+    except ValueError:
+        low = high = math.nan
+    if not (math.isfinite(low) and math.isfinite(high) and 0.0 <= low < high):
+        raise UsageError(
+            f"{option}: expected two numbers LOW:HIGH with 0 <= LOW < HIGH, such as 300:1500, got {text!r}."
+        )
+    return low, high

@@ -3,9 +3,9 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-# As the command does before NumPy is there: sums in several threads differ in the last digit.
-for library in ("OPENBLAS", "OMP", "MKL"):
-    os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+from circlepose_cli.threads import one_thread
+
+one_thread()
 
 import pytest  # noqa: E402
 from hypothesis import settings  # noqa: E402

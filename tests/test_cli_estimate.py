@@ -15,7 +15,7 @@ from circlepose.pose import ImageResult, Status
 from circlepose.solvers import METHODS
 from circlepose.target import POLARITIES
 from circlepose.target_hints import SIDES
-from circlepose_cli import options
+from circlepose_cli import options, overrides
 from circlepose_cli.app import main
 from circlepose_cli.overlay_names import OverlayNames
 from discs import CAMERA_YAML, CENTER_MM, RADIUS_MM, disc_folder, write_disc
@@ -443,12 +443,12 @@ def test_sides_are_those_of_the_library():
 
 
 def test_counts_and_intervals():
-    assert [options.parse_count(text) for text in (None, "all", "7")] == [None, "all", 7]
-    assert options.parse_interval("--x", "1:2.5") == (1.0, 2.5)
-    assert options.parse_interval("--x", None) is None
+    assert [overrides.parse_count(text) for text in (None, "all", "7")] == [None, "all", 7]
+    assert overrides.parse_interval("--x", "1:2.5") == (1.0, 2.5)
+    assert overrides.parse_interval("--x", None) is None
     for text in ("", "1", "1:2:3", "2:1", "-1:2", "1:inf", "1:nan"):
         with pytest.raises(UsageError, match="--x"):
-            options.parse_interval("--x", text)
+            overrides.parse_interval("--x", text)
 
 
 def test_a_radius_is_no_diameter(run, folder):

@@ -6,9 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from circlepose.conic import Ellipse, rim_distance
+from circlepose.conic import Ellipse, joined_ellipses, rim_distance
 from circlepose.extraction.arcs import SHORTEST_CHAIN, arcs_of
-from circlepose.extraction.candidates import joined_ellipses
 from circlepose.extraction.chains import Chains
 from circlepose.extraction.grouping import joined_arcs
 from circlepose.extraction.pyramid import pyramid, to_full_size, to_reduced

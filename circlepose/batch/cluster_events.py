@@ -6,46 +6,37 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
-class Began:
+class _OfWork:
+    number: int
+
+
+class Began(_OfWork):
     """A worker began to work."""
 
-    number: int
 
-
-@dataclass(frozen=True, slots=True)
-class Ended:
+class Ended(_OfWork):
     """A worker has done its work; its answer may still be lost with it."""
 
-    number: int
-
 
 @dataclass(frozen=True, slots=True)
-class Done:
+class Done(_OfWork):
     """A worker has answered."""
 
-    number: int
     answer: bytes
 
 
-@dataclass(frozen=True, slots=True)
-class WorkersDied:
+class WorkersDied(_OfWork):
     """The scheduler does not try again: too many workers died."""
 
-    number: int
 
-
-@dataclass(frozen=True, slots=True)
-class Dropped:
+class Dropped(_OfWork):
     """What was handed out is no longer known there: the scheduler was restarted, or was told to forget it."""
 
-    number: int
-
 
 @dataclass(frozen=True, slots=True)
-class Broken:
+class Broken(_OfWork):
     """A worker could not even begin."""
 
-    number: int
     reason: str
 
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import fields
 
 import cv2
 import numpy as np
 
 from circlepose._typing import BoolArray, FloatArray, Image, IntArray
-from circlepose.conic import Ellipse, rim_distance
+from circlepose.conic import Ellipse, joined_ellipses, rim_distance
 from circlepose.extraction import EXTRACTIONS
 from circlepose.extraction.arcs import SHORTEST_CHAIN, Arcs, arcs_of
 from circlepose.extraction.chains import Chains
@@ -100,11 +99,6 @@ def rough_ellipses(
     rejected[Rejection.MAJOR_AXIS] += int(np.sum(~major_ok))
     rejected[Rejection.MINOR_AXIS] += int(np.sum(major_ok & ~minor_ok))
     return found[major_ok & minor_ok]
-
-
-def joined_ellipses(batches: list[Ellipse]) -> Ellipse:
-    """Return the ellipses of all batches as one."""
-    return Ellipse(*(np.concatenate([getattr(e, field.name) for e in batches]) for field in fields(Ellipse)))
 
 
 def _extents(intervals: AxisIntervals, scale: float, image: Image) -> tuple[float, float]:

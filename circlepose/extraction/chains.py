@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from circlepose._typing import BoolArray, FloatArray, IntArray
-from circlepose.conic import Ellipse
+from circlepose.conic import Ellipse, joined_ellipses
 
 _CORNERS = 64
 _AT_ONCE = 512
@@ -88,9 +88,8 @@ class Chains:
         """
         # Of a page of text there are thousands: in parts, so that what is in memory is bounded.
         parts = [self._moments(first) for first in range(0, max(len(self), 1), _AT_ONCE)]
-        return Ellipse(
-            *(np.concatenate([getattr(ellipse, field.name) for ellipse, _ in parts]) for field in fields(Ellipse))
-        ), np.concatenate([fullness for _, fullness in parts])
+        ellipses, fullness = zip(*parts, strict=True)
+        return joined_ellipses(ellipses), np.concatenate(fullness)
 
     def _moments(self, first: int) -> tuple[Ellipse, FloatArray]:
         """As `moment_ellipses`, of the chains from `first` on, as many as are taken at once."""

@@ -11,9 +11,9 @@ from collections import Counter
 import numpy as np
 
 from circlepose._typing import BoolArray, Image, IntArray
-from circlepose.conic import Ellipse, rim_distance
+from circlepose.conic import Ellipse, joined_ellipses, rim_distance
 from circlepose.extraction import EXTRACTIONS
-from circlepose.extraction.candidates import joined_ellipses, rough_ellipses, without_repeats
+from circlepose.extraction.candidates import rough_ellipses, without_repeats
 from circlepose.extraction.contour import Extraction, Rejection
 from circlepose.extraction.grey import eight_bit
 from circlepose.extraction.partial import PartialRim, in_runs, partial_rims

@@ -34,15 +34,7 @@ def fit_each(points: FloatArray, weights: FloatArray | None = None) -> tuple[Ell
     scale = np.sqrt(np.einsum("mk,mki,mki->m", w, offset, offset) / mass)
     scale = np.where(scale > 0.0, scale, 1.0)
     ellipse, found = fit_scatter(scatter_of(offset / scale[:, None, None], w))
-    return (
-        Ellipse(
-            center=ellipse.center * scale[:, None] + middle,
-            semi_major=ellipse.semi_major * scale,
-            semi_minor=ellipse.semi_minor * scale,
-            angle=ellipse.angle,
-        ),
-        found,
-    )
+    return ellipse.enlarged(scale, middle), found
 
 
 def fit_scatter(scatter: FloatArray) -> tuple[Ellipse, BoolArray]:

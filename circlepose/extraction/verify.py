@@ -8,8 +8,7 @@ from typing import Self
 import numpy as np
 
 from circlepose._typing import BoolArray, FloatArray, IntArray
-from circlepose.conic import Ellipse, rim_distance
-from circlepose.extraction.candidates import joined_ellipses
+from circlepose.conic import Ellipse, joined_ellipses, rim_distance
 from circlepose.extraction.contour import WANTED_SIGN, Contour, Rejection
 from circlepose.extraction.partial import PartialRim
 from circlepose.extraction.rim import RimEdges

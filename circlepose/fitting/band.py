@@ -69,13 +69,8 @@ class Beyond:
 
 def bands_around(grey: Image, camera: Camera, rims: Sequence[Ellipse], reach_px: FloatArray) -> Bands:
     """Gather the pixels of `grey` (h, w) within about `reach_px` (m,) of m rims, given by their image ellipses."""
-    x, y, weight = _joined(
-        [
-            pixels_between(each, -reach, reach, grey.shape)
-            for each, reach in zip(rims, reach_px.tolist(), strict=True)
-        ],
-        grey.shape,
-    )
+    around = [pixels_around(each, reach, grey.shape) for each, reach in zip(rims, reach_px.tolist(), strict=True)]
+    x, y, weight = _joined(around, grey.shape)
     pixels = np.stack([x, y], axis=-1).astype(np.float64)
     rays, jacobians = camera.rays_with_jacobian(pixels)
     unseen = ~(np.isfinite(rays).all(axis=-1) & np.isfinite(jacobians).all(axis=(-2, -1)))
@@ -146,26 +141,22 @@ def _joined(
     return x, y, weight
 
 
-def pixels_between(
-    ellipse: Ellipse, low_px: float, high_px: float, shape: tuple[int, ...]
-) -> tuple[IntArray, IntArray]:
-    """Return columns and rows (n,) of the pixels between ellipses with axes longer by `low_px` and by `high_px`.
+def pixels_around(ellipse: Ellipse, reach_px: float, shape: tuple[int, ...]) -> tuple[IntArray, IntArray]:
+    """Return columns and rows (n,) of the pixels between the ellipses with axes longer and shorter by `reach_px`.
 
     Row by row, as two runs where the inner ellipse is crossed, so that the work is that of the band alone.
     """
     a, b, angle = float(ellipse.semi_major), float(ellipse.semi_minor), float(ellipse.angle)
     center_x, center_y = ellipse.center
     height, width = shape
-    if b + high_px <= 0.0:
-        return np.zeros(0, np.int64), np.zeros(0, np.int64)
-    half_height = np.hypot((a + high_px) * np.sin(angle), (b + high_px) * np.cos(angle))
+    half_height = np.hypot((a + reach_px) * np.sin(angle), (b + reach_px) * np.cos(angle))
     first = max(int(np.ceil(center_y - half_height)), 0)
     rows = np.arange(first, max(min(int(np.floor(center_y + half_height)) + 1, height), first))
-    left, right = _crossings(rows - center_y, a + high_px, b + high_px, angle)
+    left, right = _crossings(rows - center_y, a + reach_px, b + reach_px, angle)
     start, end = np.ceil(center_x + left), np.floor(center_x + right) + 1.0
     hole_start = hole_end = end
-    if b + low_px > 0.0:
-        left, right = _crossings(rows - center_y, a + low_px, b + low_px, angle)
+    if b > reach_px:
+        left, right = _crossings(rows - center_y, a - reach_px, b - reach_px, angle)
         crossed = np.isfinite(left)
         hole_start = np.where(crossed, np.ceil(center_x + left), end)
         hole_end = np.where(crossed, np.floor(center_x + right) + 1.0, end)

@@ -17,11 +17,11 @@ def correlation_of(
 
     The scores (m, 8, k) of independent residuals, summed by stretch, scatter as the information says. Where
     neighbours err alike (texture, a model that does not hold), they scatter more, and so does the estimate.
-    `stretch` (m, k) of each pixel, of `numbers` (m,) in all for each rim, counted on from rim to rim by the most that
-    any has. Coarse texture shows in joined stretches only, of which there are few: there more is asked of it.
+    `stretch` (m, k) of each pixel, of `numbers` (m,) in all for each rim. Coarse texture shows in joined stretches
+    only, of which there are few: there more is asked of it.
     """
     rims, most, parameters = len(matrix), int(numbers.max()), matrix.shape[-1]
-    flat = stretch.ravel()
+    flat = (stretch + most * np.arange(rims)[:, None]).ravel()
     by_stretch = np.stack(
         [np.bincount(flat, scores[:, i].ravel(), rims * most) for i in range(parameters)], axis=-1
     ).reshape(rims, most, parameters)
@@ -30,6 +30,6 @@ def correlation_of(
     for joined, least in _JOINED:
         sums = sum(np.roll(by_stretch, -shift, axis=1) for shift in range(joined)) if joined > 1 else by_stretch
         total = np.sum((sums @ inverse) * sums, axis=(1, 2)) / joined
-        ratio = total / ((parameters) * variance)
+        ratio = total / (parameters * variance)
         largest = np.maximum(largest, np.where(ratio > least, ratio, 1.0))
     return largest

@@ -50,7 +50,7 @@ class Seen:
 
     def weighted(self, bands: Bands) -> Seen:
         """Return the same with the weight that the pixels have in `bands`."""
-        return replace(self, columns=Columns.of(bands, self.at, self.columns.share))
+        return replace(self, columns=Columns.of(bands, self.at, self.columns.share, textured=self.textured))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -86,15 +86,7 @@ def fit_ellipses(contours: Contours, weights: FloatArray | None = None) -> tuple
     usable &= solved & is_ellipse(conics)
     found = ellipse_from_conic(np.where(usable[:, None, None], conics, np.diag([1.0, 1.0, -1.0])))
     usable &= found.semi_major < _LONGEST
-    return (
-        Ellipse(
-            center=found.center * scale[:, None] + middle,
-            semi_major=found.semi_major * scale,
-            semi_minor=found.semi_minor * scale,
-            angle=found.angle,
-        ),
-        usable,
-    )
+    return found.enlarged(scale, middle), usable
 
 
 def _solve(scatter: FloatArray) -> tuple[FloatArray, BoolArray]:

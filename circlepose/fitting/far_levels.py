@@ -41,13 +41,6 @@ class FarLevels:
         return type(self)(self.gram[which], self.right[which], self.square[which], self.goes_on[which])
 
     @classmethod
-    def none(cls, rims: int) -> Self:
-        """Return the sums over no pixels."""
-        return cls(
-            np.zeros((rims, LINEAR, LINEAR)), np.zeros((rims, LINEAR)), np.zeros(rims), np.zeros(rims, np.bool_)
-        )
-
-    @classmethod
     def of(
         cls, beyond: Beyond, factors: FloatArray, near: tuple[FloatArray, FloatArray], variance: FloatArray
     ) -> Self:
@@ -73,13 +66,11 @@ class FarLevels:
         distance = np.sum(apart * np.linalg.solve(both, apart[..., None])[..., 0], axis=-1)
         like = (count >= _LEAST_PIXELS) & (scatter < _MOST_SCATTER * variance) & (distance < _UNLIKELY)
         square = np.einsum("smk,smk->sm", beyond.levels * beyond.levels, beyond.weight)
-        found = cls.none(len(factors))
+        asked, all_right = np.zeros((len(factors), LINEAR, LINEAR)), np.zeros((len(factors), LINEAR))
         for side, each in enumerate(own):
-            found.gram[:, each, each] = like[side, :, None, None] * gram[side]
-            found.right[:, each] = like[side, :, None] * right[side]
-        found.square[:] = np.sum(like * square, axis=0)
-        found.goes_on[:] = like.all(axis=0)
-        return found
+            asked[:, each, each] = like[side, :, None, None] * gram[side]
+            all_right[:, each] = like[side, :, None] * right[side]
+        return cls(asked, all_right, np.sum(like * square, axis=0), like.all(axis=0))
 
     def misfit(self, levels: FloatArray) -> FloatArray:
         """Return (m,) the sum of squares at `levels` (m, 11)."""

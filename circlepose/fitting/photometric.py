@@ -143,13 +143,13 @@ def fit_to_levels(
         if same:
             break
     rim_used = 1.0 - np.array([row[:n, AT_RIM].mean() for row, n in zip(left_out, stretches, strict=True)])
-    told = _told(fit, bands, expected, cells // ZONES, stretches, rim_used, stiff)
+    stretch = (cells // ZONES) % left_out.shape[1]
+    told = _told(fit, bands, expected, stretch, stretches, rim_used, stiff)
     doubtful = told.correlation > 1.0 if far is None else (told.correlation > 1.0) | ~far.goes_on
     which = np.flatnonzero(told.converged & doubtful & (perimeter_px > _LEAST_MOTTLED_PX))
     if len(which) == 0:
         return told
-    stretch = (cells[which] // ZONES) % left_out.shape[1] + stretches[which].max() * np.arange(len(which))[:, None]
-    again, better = _textured(told[which], bands[which], expected[which], stretch, stretches[which], shares)
+    again, better = _textured(told[which], bands[which], expected[which], stretch[which], stretches[which], shares)
     return told.with_those(which[better], again[np.flatnonzero(better)])
 
 
@@ -247,7 +247,7 @@ def _told(
 
 
 def _levels_ahead(state: Levels, prior: FloatArray, variance: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the levels (m, 11) where the next step leads, and their covariance (m, 11, 11), the rim unknown."""
+    """Return the levels (m, l) where the next step leads, and their covariance (m, l, l), the rim unknown."""
     equations = state.normal_equations()
     inverse = np.linalg.pinv(with_prior(equations.matrix, prior), hermitian=True)
     change = equations.made_up @ (inverse @ equations.gradient[..., None])

@@ -60,22 +60,17 @@ def solve(method: str, factor: FloatArray, contour_rays: FloatArray, radius: flo
             raise ArgumentError(f"method: expected one of {', '.join(METHODS)}, got {method!r}.")
     if poses is None:
         return "the circle is seen edge-on; the method needs an ellipse"
-    return _distinct(*poses, frame, mended)
+    return _distinct(*poses, cone_kinds(frame), mended)
 
 
 def solve_chen_huang(frames: PrincipalFrame, radius: float) -> list[Solutions]:
     """Return the candidate poses by Chen & Huang of circles of `radius`, from the frames (m, ...) of their cones."""
-    centers, normals = chen_huang.poses_from_frame(frames, radius)
-    same = np.linalg.norm(normals[:, 0] - normals[:, 1], axis=-1) < _SAME_POSE_RAD
-    kinds = cone_kinds(frames)
-    return [
-        Solutions(center[: 2 - one], normal[: 2 - one], str(kind))
-        for center, normal, one, kind in zip(centers, normals, same.astype(int), kinds, strict=True)
-    ]
+    every = zip(*chen_huang.poses_from_frame(frames, radius), cone_kinds(frames), strict=True)
+    return [_distinct(centers, normals, kind) for centers, normals, kind in every]
 
 
-def _distinct(centers: FloatArray, normals: FloatArray, frame: PrincipalFrame, mended: bool) -> Solutions:
+def _distinct(centers: FloatArray, normals: FloatArray, kind: object, mended: bool = False) -> Solutions:
     """Say a pose once when both candidates are the same, as for a right cone."""
     same = np.linalg.norm(normals[0] - normals[1]) < _SAME_POSE_RAD
     keep = slice(0, 1) if same else slice(0, 2)
-    return Solutions(centers[keep], normals[keep], str(cone_kinds(frame)), mended)
+    return Solutions(centers[keep], normals[keep], str(kind), mended)
