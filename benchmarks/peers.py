@@ -1,181 +1,320 @@
 """What else finds a circle's pose, on the same images: the rendered discs `lo` of `accuracy.py`.
 
-    python benchmarks/peers.py [--views 100] [--contrib-python PYTHON] [--pye3d-python PYTHON]
+    python benchmarks/peers.py [--views 100] [--boards 20]
 
-Peers that only find an ellipse get our cone and solver. Each comes out as well as it can: of several ellipses that
-nearest to the true rim counts, and of two candidates the better one.
+Each package is put into a virtual environment of its own (`environments.py`), which needs pip and a way to an index;
+one that cannot be installed is left out, with a sentence. Those that only find an ellipse get our cone and solver.
+Each comes out as well as it can: of several ellipses that nearest to the true rim counts, and of two candidates the
+better one.
 
-- scikit-image `find_contours`, at the true level midway between dark and light; of this environment (extra `bench`).
-- OpenCV contrib `EdgeDrawing.detectEllipses`; its package replaces the one we use, so it is run by the interpreter of
-  another environment, as `--contrib-python`.
-- pye3d `unproject_ellipse`, from the ellipse of scikit-image's contour; also in an environment of its own.
-
-A peer that is not there is left out, with a sentence.
+- scikit-image `find_contours`, at the true level midway between dark and light.
+- OpenCV contrib `EdgeDrawing.detectEllipses`.
+- pye3d `unproject_ellipse`, from the ellipse of scikit-image's contour.
+- ringgrid `detect_adaptive`, which looks for rings: on the discs, with the true diameter told, and on a board of 4 x 3
+  rings without code, the layout told, beside ours on the same board.
+- napa-vision, which reads tags: a 36h11 tag as wide as the disc, in the disc's pose, turned in its plane at random;
+  only where all of the tag is in the image. The row before it is ours on the discs of these views.
 """
 
 from __future__ import annotations
 
 import argparse
-import importlib.util
-import json
-import subprocess
-import tempfile
+import sys
 import time
 from collections.abc import Callable, Sequence
-from pathlib import Path
+from dataclasses import replace
+from itertools import groupby
 
 import numpy as np
 
 import circlepose
 from accuracy import SEED
 from circlepose._typing import FloatArray, Image
-from circlepose.camera import circle_contour
+from circlepose.camera import Camera, circle_contour
+from circlepose.cone import plane_basis
 from circlepose.conic import Ellipse
 from circlepose.fitting.direct import fit_ellipse
 from circlepose.fitting.viewing_cone import factor_from_ellipse, fit_cone
 from circlepose.solvers.solve import solve
 from circlepose.synthesis.disc_sets import RADIUS_MM, disc_views
 from circlepose.synthesis.render import render
-from circlepose.synthesis.scene import Disc, Scene
+from circlepose.synthesis.scene import Box, Circle, Disc, Paint, Patch, Plane, Rings, Scene
+from environments import (
+    EDGE_DRAWING,
+    NAPA_VISION,
+    PYE3D,
+    RINGGRID,
+    SCIKIT_IMAGE,
+    NotInstalledError,
+    Rows,
+    answers,
+    environment,
+)
 
 MIDWAY = 120.0
+DARK, LIGHT = Paint(40.0), Paint(200.0)
+PITCH_MM, ROWS, COLUMNS, OUTER_MM, INNER_MM = 60.0, 4, 3, 20.0, 10.0
+"""of the board of rings"""
+QUIET = 1.25
+"""side of the tag with its white border, over its own"""
 Poses = Sequence[tuple[FloatArray, FloatArray]]
 """candidates: centre (3,) mm and normal (3,)"""
 
 
-def longest_contour(image: Image) -> FloatArray | None:
-    """Return scikit-image's longest contour (n, 2) px."""
-    from skimage.measure import find_contours  # noqa: PLC0415 (optional)
+def disc_of(scene: Scene) -> Disc:
+    """Return the disc of a scene of `lo`."""
+    disc = scene.targets[0]
+    assert isinstance(disc, Disc)
+    return disc
 
-    contours = find_contours(image.astype(np.float64), MIDWAY)
-    return np.asarray(max(contours, key=len)[:, ::-1]) if contours else None
 
-
-def poses_of_factor(factor: FloatArray | None) -> Poses:
+def poses_of_factor(factor: FloatArray | None, radius_mm: float) -> Poses:
     """Return the candidates of a viewing cone."""
     if factor is None:
         return ()
-    solutions = solve("chen-huang", factor, np.zeros((0, 3)), RADIUS_MM)
+    solutions = solve("chen-huang", factor, np.zeros((0, 3)), radius_mm)
     return () if isinstance(solutions, str) else list(zip(solutions.centers, solutions.normals, strict=True))
 
 
-def by_contour(image: Image, scene: Scene) -> Poses:
-    """scikit-image's contour and our cone."""
-    points = longest_contour(image)
-    fit = None if points is None else fit_cone(scene.camera, points)
-    return poses_of_factor(None if fit is None else fit.factor)
+def poses_of_ellipse(camera: Camera, ellipse: Ellipse | None, radius_mm: float) -> Poses:
+    """Return the candidates of an image ellipse."""
+    return () if ellipse is None else poses_of_factor(factor_from_ellipse(camera, ellipse), radius_mm)
 
 
-def by_us(image: Image, scene: Scene) -> Poses:
-    """Our estimate."""
+def poses_of_contour(camera: Camera, points: FloatArray) -> Poses:
+    """Return the candidates of a contour (n, 2) px of a disc of `lo`."""
+    fit = fit_cone(camera, points) if len(points) else None
+    return poses_of_factor(None if fit is None else fit.factor, RADIUS_MM)
+
+
+def seen_by_pye3d(camera: Camera, points: FloatArray) -> FloatArray:
+    """Return a contour's ellipse as `peers_elsewhere.py` hands it to pye3d."""
+    ellipse = fit_ellipse(points)
+    assert ellipse is not None
+    # It takes the principal point to be the origin.
+    x, y = ellipse.center - camera.camera_matrix[:2, 2]
+    focal = camera.camera_matrix[0, 0]
+    return np.array([x, y, ellipse.semi_minor, ellipse.semi_major, ellipse.angle, focal, RADIUS_MM])
+
+
+def true_ellipse(camera: Camera, circle: Circle) -> Ellipse:
+    """Return the image of a circle."""
+    ellipse = fit_ellipse(circle_contour(camera, circle.center, circle.normal, circle.radius))
+    assert ellipse is not None
+    return ellipse
+
+
+def distance(ellipse: Ellipse, true: Ellipse) -> float:
+    """Tell how far two ellipses are apart, px."""
+    return float(
+        np.linalg.norm(ellipse.center - true.center)
+        + abs(ellipse.semi_major - true.semi_major)
+        + abs(ellipse.semi_minor - true.semi_minor)
+    )
+
+
+def nearest_ellipse(found: Sequence[Sequence[float]], true: Ellipse) -> Ellipse | None:
+    """Return that of the ellipses (centre, semi-axes, angle) that is nearest; a ring's other rim is not it."""
+    ellipses = [Ellipse.from_axes(e[:2], e[2:4], e[4]) for e in found if min(e[2:4]) > 0.0]
+    best = min(ellipses, key=lambda ellipse: distance(ellipse, true), default=None)
+    return None if best is None or distance(best, true) > true.semi_major else best
+
+
+def ours(image: Image, scene: Scene) -> Poses:
+    """Our estimate of a lone disc."""
     result = circlepose.estimate(image, scene.camera, circlepose.Target.circle(RADIUS_MM))
     return [(c.center, c.normal) for circle in result.circles for c in circle.candidates]
 
 
-def elsewhere(python: str, what: str, folder: Path) -> list[list[list[float]]]:
-    """Run `peers_elsewhere.py` by another interpreter on what lies in `folder`; a list per image."""
-    script = Path(__file__).with_name("peers_elsewhere.py")
-    done = subprocess.run([python, script, what, folder], capture_output=True, text=True, check=True)
-    return json.loads(done.stdout)
+def ours_on_board(image: Image, scene: Scene) -> list[Poses]:
+    """Our estimates of a board's outer rims, in the order of the rings."""
+    result = circlepose.estimate(image, scene.camera, circlepose.Target.circle(OUTER_MM, count=None))
+    poses: list[Poses] = []
+    for ring in scene.targets:
+        true = true_ellipse(scene.camera, ring.circles[0])
+        off = {k: distance(c.ellipse, true) for k, c in enumerate(result.circles) if c.ellipse is not None}
+        best = min(off, key=lambda k: off[k], default=None)
+        near = best is not None and off[best] < 0.25 * true.semi_major
+        poses.append([(c.center, c.normal) for c in result.circles[best].candidates] if near else ())
+    return poses
 
 
-def nearest_ellipse(found: Sequence[Sequence[float]], scene: Scene) -> Ellipse | None:
-    """Return that of the ellipses (centre, semi-axes, angle) which is nearest to the true rim."""
-    disc = scene.targets[0]
-    assert isinstance(disc, Disc)
-    true = fit_ellipse(circle_contour(scene.camera, disc.center_mm, disc.normal, disc.radius_mm))
-    assert true is not None
-
-    def off(ellipse: Ellipse) -> float:
-        return float(
-            np.linalg.norm(ellipse.center - true.center)
-            + abs(ellipse.semi_major - true.semi_major)
-            + abs(ellipse.semi_minor - true.semi_minor)
+def board_views(number: int) -> list[Scene]:
+    """Return views of a board of dark rings on white, 500 to 1000 mm away, tilted up to 60 deg."""
+    camera = next(disc_views("lo", 1, SEED)).camera
+    columns, rows = np.arange(COLUMNS) - (COLUMNS - 1) / 2.0, np.arange(ROWS) - (ROWS - 1) / 2.0
+    scenes = []
+    for view in range(number):
+        generator = np.random.Generator(np.random.PCG64([SEED, view]))
+        tilt, azimuth = np.radians(60.0) * generator.random(), 2.0 * np.pi * generator.random()
+        ray = np.array([*(0.1 * (generator.random(2) - 0.5)), 1.0])
+        first, second = plane_basis(ray / np.linalg.norm(ray))
+        normal = -np.cos(tilt) * ray + np.sin(tilt) * (np.cos(azimuth) * first + np.sin(azimuth) * second)
+        plane = Plane.create((500.0 + 500.0 * generator.random()) * ray, normal)
+        centers = [plane.point((PITCH_MM * x, PITCH_MM * y)) for y in rows for x in columns]
+        rings = tuple(Rings(center, plane.normal, (OUTER_MM, INNER_MM), (DARK, LIGHT)) for center in centers)
+        scenes.append(
+            Scene(camera, rings, LIGHT, noise_levels=2.0, noise_seed=int(generator.random() * 2.0**32), name=f"{view}")
         )
-
-    ellipses = [Ellipse.from_axes(e[:2], e[2:4], e[4]) for e in found if min(e[2:4]) > 0.0]
-    return min(ellipses, key=off, default=None)
+    return scenes
 
 
-def row(label: str, scenes: Sequence[Scene], poses: Sequence[Poses], milliseconds: Sequence[float]) -> str:
+def tag_view(scene: Scene, cells: FloatArray) -> Scene | None:
+    """Return the view with a tag instead of its disc, or None where the image does not hold it."""
+    disc, number = disc_of(scene), len(cells)
+    turn = 2.0 * np.pi * np.random.Generator(np.random.PCG64([SEED, scene.noise_seed])).random()
+    first, second = plane_basis(disc.normal)
+    plane = Plane.create(disc.center_mm, disc.normal, np.cos(turn) * first + np.sin(turn) * second)
+    half = QUIET * RADIUS_MM
+    corners = [plane.point((x, y)) for x in (-half, half) for y in (-half, half)]
+    seen = scene.camera.project(np.array(corners))
+    if not np.all((seen >= 0.0) & (seen <= np.array(scene.image_size) - 1.0)):
+        return None
+    side = 2.0 * RADIUS_MM / number
+    # Runs along the rows and along the columns: where two of the ones meet, one of the others covers the seam.
+    boxes = [Box((2.0 * RADIUS_MM, 2.0 * RADIUS_MM))]
+    middle = number / 2.0
+    boxes += [Box((n * side, side), ((at + n / 2 - middle) * side, (k + 0.5 - middle) * side)) for k, at, n in runs(cells)]
+    boxes += [Box((side, n * side), ((k + 0.5 - middle) * side, (at + n / 2 - middle) * side)) for k, at, n in runs(cells.T)]
+    paints = [DARK, *[LIGHT] * (len(boxes) - 1)]
+    shapes = tuple(Patch(box, paint, plane) for box, paint in zip(boxes, paints, strict=True))
+    return replace(scene, targets=(), shapes=shapes)
+
+
+def runs(cells: FloatArray) -> list[tuple[int, int, int]]:
+    """Return the runs of ones in the rows: row, first column, length."""
+    found = []
+    for row, values in enumerate(cells):
+        start = 0
+        for value, group in groupby(values):
+            length = len(list(group))
+            if value:
+                found.append((row, start, length))
+            start += length
+    return found
+
+
+def row(label: str, truth: Sequence[Circle], poses: Sequence[Poses], milliseconds: Sequence[float]) -> str:
     """Return a row of the table."""
     position, normal = [], []
-    for scene, candidates in zip(scenes, poses, strict=True):
-        disc = scene.targets[0]
-        assert isinstance(disc, Disc)
+    for circle, candidates in zip(truth, poses, strict=True):
         # Some normals point away from the camera.
         turned = [(center, n if n @ center < 0.0 else -n) for center, n in candidates]
         if not turned:
             continue
-        center, n = max(turned, key=lambda pose: float(pose[1] @ disc.normal))
-        position.append(np.linalg.norm(center - disc.center_mm))
-        normal.append(np.degrees(2.0 * np.arcsin(min(1.0, float(np.linalg.norm(n - disc.normal)) / 2.0))))
+        center, n = max(turned, key=lambda pose: float(pose[1] @ circle.normal))
+        position.append(np.linalg.norm(center - circle.center))
+        normal.append(np.degrees(2.0 * np.arcsin(min(1.0, float(np.linalg.norm(n - circle.normal)) / 2.0))))
     p, q = (np.percentile(errors, [50, 95]) if errors else (np.nan, np.nan) for errors in (position, normal))
-    taken = f"{np.median(milliseconds):.0f}" if len(milliseconds) else ""
-    return (
-        f"| {label} | {len(position)}/{len(scenes)} | {p[0]:.3f} / {p[1]:.3f} | {q[0]:.4f} / {q[1]:.3f} | {taken} |"
-    )
+    taken = f"{np.median(milliseconds):.1f}" if len(milliseconds) else ""
+    return f"| {label} | {len(position)}/{len(truth)} | {p[0]:.3f} / {p[1]:.3f} | {q[0]:.4f} / {q[1]:.3f} | {taken} |"
+
+
+def timed(way: Callable[[Image, Scene], Poses | list[Poses]], images: Sequence[Image], scenes: Sequence[Scene]):
+    """Return what a way of ours answers, and its times in ms."""
+    found, milliseconds = [], []
+    for image, scene in zip(images, scenes, strict=True):
+        start = time.perf_counter()
+        found.append(way(image, scene))
+        milliseconds.append(1e3 * (time.perf_counter() - start))
+    return found, milliseconds
+
+
+def times(rows: Rows) -> list[float]:
+    """Return the times of the images on which something was found, ms."""
+    return [found[0][0] for found in rows if found]
+
+
+def on_discs(views: int) -> None:
+    """Print the rows of the discs `lo`."""
+    scenes = list(disc_views("lo", views, SEED))
+    images = [render(scene) for scene in scenes]
+    circles = [disc_of(scene).circles[0] for scene in scenes]
+    ellipses = [true_ellipse(scene.camera, circle) for scene, circle in zip(scenes, circles, strict=True)]
+    camera = scenes[0].camera
+    poses, taken = timed(ours, images, scenes)
+    print(row("discs: circlepose", circles, poses, taken), flush=True)
+
+    def contours() -> None:
+        with environment(SCIKIT_IMAGE) as python:
+            found = answers(python, "markers_elsewhere.py", "contour", images, {"level": MIDWAY})
+        points = [np.array(rows)[:, 1:] if rows else np.empty((0, 2)) for rows in found]
+        label = "discs: scikit-image find_contours, our cone"
+        print(row(label, circles, [poses_of_contour(camera, p) for p in points], times(found)), flush=True)
+        with environment(PYE3D) as python:
+            seen = [seen_by_pye3d(camera, p) for p in points]
+            found = answers(python, "peers_elsewhere.py", "pye3d", seen)
+        unprojected = [[(np.array(c[1:4]), np.array(c[4:])) for c in rows] for rows in found]
+        print(row("discs: scikit-image find_contours, pye3d unproject_ellipse", circles, unprojected, []), flush=True)
+
+    def with_cone(label: str, requirement: str, script: str, way: str, options: dict[str, object]) -> None:
+        with environment(requirement) as python:
+            found = answers(python, script, way, images, options)
+        nearest = [nearest_ellipse([e[1:] for e in rows], true) for rows, true in zip(found, ellipses, strict=True)]
+        poses = [poses_of_ellipse(camera, ellipse, RADIUS_MM) for ellipse in nearest]
+        print(row(label, circles, poses, times(found)), flush=True)
+
+    attempt(contours)
+    label = "discs: OpenCV contrib EdgeDrawing, our cone"
+    attempt(lambda: with_cone(label, EDGE_DRAWING, "peers_elsewhere.py", "edge-drawing", {}))
+    told = {"diameters": [2.0 * float(true.semi_major) for true in ellipses]}
+    label = "discs: ringgrid, our cone"
+    attempt(lambda: with_cone(label, RINGGRID, "markers_elsewhere.py", "ringgrid", told))
+
+
+def on_boards(number: int) -> None:
+    """Print the rows of the boards of rings."""
+    scenes = board_views(number)
+    images = [render(scene) for scene in scenes]
+    circles = [ring.circles[0] for scene in scenes for ring in scene.targets]
+    found, taken = timed(ours_on_board, images, scenes)
+    print(row("rings: circlepose", circles, [p for poses in found for p in poses], taken), flush=True)
+    with environment(RINGGRID) as python:
+        grid = {"grid": [PITCH_MM, ROWS, COLUMNS, OUTER_MM, INNER_MM]}
+        seen = answers(python, "markers_elsewhere.py", "ringgrid", images, grid)
+    poses = []
+    for scene, rows in zip(scenes, seen, strict=True):
+        for ring in scene.targets:
+            nearest = nearest_ellipse([e[1:] for e in rows], true_ellipse(scene.camera, ring.circles[0]))
+            poses.append(poses_of_ellipse(scene.camera, nearest, OUTER_MM))
+    print(row("rings: ringgrid, our cone", circles, poses, times(seen)), flush=True)
+
+
+def on_tags(views: int) -> None:
+    """Print the rows of the tags, and of the discs in the same poses."""
+    scenes = list(disc_views("lo", views, SEED))
+    with environment(NAPA_VISION) as python:
+        (drawn,) = answers(python, "markers_elsewhere.py", "napa-cells", [np.zeros(1)])
+        cells = np.array(drawn)[:, 1:]
+        pairs = [(scene, tag) for scene in scenes if (tag := tag_view(scene, cells)) is not None]
+        circles = [disc_of(scene).circles[0] for scene, _ in pairs]
+        poses, taken = timed(ours, [render(scene) for scene, _ in pairs], [scene for scene, _ in pairs])
+        print(row("tags' poses: circlepose, discs", circles, poses, taken), flush=True)
+        told = {"camera_matrix": scenes[0].camera.camera_matrix.tolist(), "size": 2.0 * RADIUS_MM}
+        found = answers(python, "markers_elsewhere.py", "napa-poses", [render(tag) for _, tag in pairs], told)
+    poses = [[(np.array(c[1:4]), np.array(c[4:])) for c in rows] for rows in found]
+    print(row("tags' poses: napa-vision, tags", circles, poses, times(found)), flush=True)
+
+
+def attempt(part: Callable[[], None]) -> None:
+    """Do a part of the benchmark, or say which package it lacks."""
+    try:
+        part()
+    except NotInstalledError as error:
+        print(error, file=sys.stderr)
 
 
 def main() -> None:
-    """Print a row per peer that is there."""
+    """Print a row per way."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--views", type=int, default=100)
-    parser.add_argument("--contrib-python", help="interpreter of an environment with opencv-contrib-python-headless")
-    parser.add_argument("--pye3d-python", help="interpreter of an environment with pye3d")
+    parser.add_argument("--boards", type=int, default=20)
     options = parser.parse_args()
-    scenes = list(disc_views("lo", options.views, SEED))
-    images = [render(scene) for scene in scenes]
     print("| way | found | position mm, median / 95th | normal deg, median / 95th | ms, median |")
     print("|---|---|---|---|---|")
-    here: dict[str, Callable[[Image, Scene], Poses]] = {"circlepose": by_us}
-    has_contours = importlib.util.find_spec("skimage") is not None
-    missing = []
-    if has_contours:
-        here["scikit-image find_contours, our cone"] = by_contour
-    else:
-        missing.append("scikit-image is not installed (extra `bench`): its contours, and pye3d, are left out.")
-    for label, way in here.items():
-        poses, milliseconds = [], []
-        for scene, image in zip(scenes, images, strict=True):
-            start = time.perf_counter()
-            poses.append(way(image, scene))
-            milliseconds.append(1e3 * (time.perf_counter() - start))
-        print(row(label, scenes, poses, milliseconds), flush=True)
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        if options.contrib_python:
-            for i, image in enumerate(images):
-                np.save(folder / f"{i:04d}.npy", image)
-            answers = elsewhere(options.contrib_python, "edge-drawing", folder)
-            poses = []
-            for found, scene in zip(answers, scenes, strict=True):
-                nearest = nearest_ellipse([e[1:] for e in found], scene)
-                poses.append(poses_of_factor(None if nearest is None else factor_from_ellipse(scene.camera, nearest)))
-            label = "OpenCV contrib EdgeDrawing, our cone"
-            print(row(label, scenes, poses, [found[0][0] for found in answers if found]), flush=True)
-        else:
-            missing.append("--contrib-python is not given: EdgeDrawing is left out.")
-        if options.pye3d_python and has_contours:
-            for path in folder.glob("*.npy"):
-                path.unlink()
-            for i, (scene, image) in enumerate(zip(scenes, images, strict=True)):
-                points = longest_contour(image)
-                ellipse = None if points is None else fit_ellipse(points)
-                if ellipse is not None:
-                    # It takes the principal point to be the origin.
-                    x, y = ellipse.center - scene.camera.camera_matrix[:2, 2]
-                    focal = scene.camera.camera_matrix[0, 0]
-                    seen = [x, y, ellipse.semi_minor, ellipse.semi_major, ellipse.angle, focal, RADIUS_MM]
-                    np.save(folder / f"{i:04d}.npy", np.array(seen))
-            answers = elsewhere(options.pye3d_python, "pye3d", folder)
-            poses = [[(np.array(c[1:4]), np.array(c[4:])) for c in found] for found in answers]
-            label = "scikit-image find_contours, pye3d unproject_ellipse"
-            print(row(label, scenes, poses, []), flush=True)
-        elif not options.pye3d_python:
-            missing.append("--pye3d-python is not given: pye3d is left out.")
-    for sentence in missing:
-        print(sentence)
+    on_discs(options.views)
+    attempt(lambda: on_boards(options.boards))
+    attempt(lambda: on_tags(options.views))
 
 
 if __name__ == "__main__":

@@ -10,10 +10,10 @@ import numpy as np
 from circlepose._typing import BoolArray, FloatArray
 from circlepose.camera import Camera
 from circlepose.conic import Ellipse, rim_distance
-from circlepose.fitting.direct import Contours, fit_ellipses
+from circlepose.fitting.direct import Contours
 from circlepose.fitting.photometric import LevelsFit
-from circlepose.fitting.viewing_cone import ConeFit, rim_distance_px
-from circlepose.measure import Rim, rim_pixels
+from circlepose.fitting.viewing_cone import ConeFit, rim_distances_px
+from circlepose.measure import Rim, image_ellipses
 
 _WORST_NOISE = 0.3
 """Standard deviation of the residuals, as a share of the contrast."""
@@ -28,7 +28,7 @@ _LEAST_RIM, _LEAST_AGAIN = 0.2, 0.75
 _FULL_RIM = 0.9
 _FARTHEST_PX, _FARTHEST_HIDDEN_PX = 2.5, 0.05
 """From the rim of the edges; and where a part of that is hidden."""
-_PLACES = 90
+_PLACES = 48
 
 
 def accepted(camera: Camera, rims: Sequence[Rim], fit: LevelsFit, noise_levels: float, lone: BoolArray) -> list[Rim]:
@@ -41,15 +41,15 @@ def accepted(camera: Camera, rims: Sequence[Rim], fit: LevelsFit, noise_levels: 
     if len(believed) == 0:
         return done
     factors = fit.factors[believed]
-    predicted = rim_pixels(camera, factors, _PLACES)
-    ellipses, found = fit_ellipses(Contours.of(list(predicted)))
+    ellipses, found = image_ellipses(camera, factors)
     # What hides a part of a rim has levels of its own, which pull: there the edges that agree have the last word.
     hidden = np.array([rims[k].rim_used < _FULL_RIM for k in believed.tolist()])
     before = Ellipse.batch([rims[k].ellipse for k in believed.tolist()])
-    farthest = np.max(np.abs(rim_distance(before, predicted)), axis=1)
+    farthest = np.max(np.abs(rim_distance(before, ellipses.points(_PLACES))), axis=1)
     found &= farthest <= np.where(hidden, _FARTHEST_HIDDEN_PX, _FARTHEST_PX)
     edges = Contours.of([rims[k].points for k in believed.tolist()])
-    residuals = rim_distance_px(factors[edges.owner], *camera.rays_with_jacobian(edges.points))
+    rays, jacobians = camera.rays_with_jacobian(edges.points)
+    residuals = rim_distances_px(factors, edges.owner, rays, jacobians)
     ends = np.append(edges.starts, len(residuals))
     for j, k in enumerate(believed.tolist()):
         if not found[j]:

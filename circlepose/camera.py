@@ -76,7 +76,11 @@ class Camera:
 
     def project(self, points: FloatArray) -> FloatArray:
         """Project camera-frame `points` (..., 3) to pixels (..., 2); NaN behind or beyond the lens model."""
-        return self.project_with_jacobian(points)[0]
+        if self.model == "fisheye":
+            return self.project_with_jacobian(points)[0]
+        u, v = lens.project_pinhole(points, self.dist_coeffs)
+        (fx, skew, cx), (_, fy, cy), _ = self.camera_matrix.tolist()
+        return np.stack([fx * u + (skew * v + cx), fy * v + cy], axis=-1)
 
     def project_with_jacobian(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Project camera-frame `points` (..., 3); returns pixels (..., 2) and d pixel / d point (..., 2, 3)."""
@@ -87,10 +91,10 @@ class Camera:
 
     def rays(self, pixels: FloatArray) -> FloatArray:
         """Return the viewing rays (..., 3), unit length, of `pixels` (..., 2); NaN outside the lens model."""
+        u, v = self._distorted(pixels)
         if self.model == "fisheye":
-            return lens.undistort_fisheye(self._distorted(pixels), self.dist_coeffs)
-        plane, _ = lens.undistort_pinhole(self._distorted(pixels), self.dist_coeffs)
-        x, y = plane[..., 0], plane[..., 1]
+            return lens.undistort_fisheye(np.stack([u, v], axis=-1), self.dist_coeffs)
+        x, y, _ = lens.undistort_pinhole(u, v, self.dist_coeffs)
         rays = np.empty((*x.shape, 3))
         rays[..., 2] = 1.0 / np.sqrt(x * x + y * y + 1.0)
         rays[..., 0], rays[..., 1] = x * rays[..., 2], y * rays[..., 2]
@@ -109,31 +113,50 @@ class Camera:
         adjugate = np.stack([np.stack([d, -b], axis=-1), np.stack([-b, a], axis=-1)], axis=-2)
         return rays, transposed @ adjugate / (a * d - b * b)[..., None, None]
 
+    def sights(self, pixels: FloatArray) -> FloatArray:
+        """Return (3, 3, ...) the rays of `pixels` (..., 2), of any length, and their derivatives to the pixel's x and y.
+
+        The first index is the ray's component, the second what it is of. NaN outside the lens model.
+        """
+        sights = np.empty((3, 3, *pixels.shape[:-1]))
+        if self.model == "fisheye":
+            rays, jacobians = self.rays_with_jacobian(pixels)
+            sights[:, 0] = np.moveaxis(rays, -1, 0)
+            sights[:, 1:] = np.moveaxis(jacobians, (-2, -1), (0, 1))
+            return sights
+        x, y, slopes = lens.undistort_pinhole(*self._distorted(pixels), self.dist_coeffs)
+        sights[0, 0], sights[1, 0], sights[2, 0], sights[2, 1:] = x, y, 1.0, 0.0
+        for j, (to_u, to_v) in enumerate(self._to_plane()):
+            sights[0, 1 + j] = slopes[0] * to_u + slopes[1] * to_v
+            sights[1, 1 + j] = slopes[2] * to_u + slopes[3] * to_v
+        return sights
+
     def _pinhole_rays(self, pixels: FloatArray) -> tuple[FloatArray, FloatArray]:
-        plane, derivative = lens.undistort_pinhole(self._distorted(pixels), self.dist_coeffs)
-        (a, b), (c, d) = np.linalg.inv(self.camera_matrix[:2, :2])
+        x, y, slopes = lens.undistort_pinhole(*self._distorted(pixels), self.dist_coeffs)
         # Component by component: loops over the last axis, of two or three, would take ten times longer.
-        x, y = plane[..., 0], plane[..., 1]
         per_length = 1.0 / np.sqrt(x * x + y * y + 1.0)
         rays = np.stack([x * per_length, y * per_length, per_length])
         jacobians = np.empty((3, 2, *x.shape))
-        for j, (to_u, to_v) in enumerate(((a, c), (b, d))):
-            x_slope = derivative[..., 0, 0] * to_u + derivative[..., 0, 1] * to_v
-            y_slope = derivative[..., 1, 0] * to_u + derivative[..., 1, 1] * to_v
+        for j, (to_u, to_v) in enumerate(self._to_plane()):
+            x_slope = slopes[0] * to_u + slopes[1] * to_v
+            y_slope = slopes[2] * to_u + slopes[3] * to_v
             along = x_slope * rays[0] + y_slope * rays[1]
             jacobians[0, j] = (x_slope - rays[0] * along) * per_length
             jacobians[1, j] = (y_slope - rays[1] * along) * per_length
             jacobians[2, j] = -rays[2] * along * per_length
         return np.moveaxis(rays, 0, -1), np.moveaxis(jacobians, (0, 1), (-2, -1))
 
-    def _distorted(self, pixels: FloatArray) -> FloatArray:
-        """Return the points (..., 2) of the distorted plane at `pixels` (..., 2)."""
-        (a, b), (c, d) = np.linalg.inv(self.camera_matrix[:2, :2])
-        centered = np.asarray(pixels, dtype=np.float64) - self.camera_matrix[:2, 2]
-        u, v = centered[..., 0], centered[..., 1]
-        plane = np.empty(centered.shape)
-        plane[..., 0], plane[..., 1] = a * u + b * v, c * u + d * v
-        return plane
+    def _to_plane(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Return the derivatives of a point of the distorted plane to the pixel's x, and to its y."""
+        (fx, skew, _), (_, fy, _), _ = self.camera_matrix.tolist()
+        return (1.0 / fx, 0.0), (-skew / (fx * fy), 1.0 / fy)
+
+    def _distorted(self, pixels: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the coordinates (...) of the distorted plane at `pixels` (..., 2)."""
+        (fx, skew, cx), (_, fy, cy), _ = self.camera_matrix.tolist()
+        v = (pixels[..., 1] - cy) * (1.0 / fy)
+        u = (pixels[..., 0] - cx) * (1.0 / fx)
+        return (u - (skew / fx) * v if skew else u), v
 
     def scaled_to(self, image_size: tuple[int, int]) -> Self:
         """Return the camera of the same lens whose images were resized to `image_size` (width, height).

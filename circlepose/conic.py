@@ -53,6 +53,40 @@ class Ellipse:
         )
 
     @classmethod
+    def from_square(cls, center: FloatArray, xx: FloatArray, xy: FloatArray, yy: FloatArray) -> Self:
+        """Return the ellipses `center + M u`, u on the unit circle, of which M M' (...) is given by its entries."""
+        middle, half = (xx + yy) / 2.0, np.hypot((xx - yy) / 2.0, xy)
+        return cls(
+            center=center,
+            semi_major=np.sqrt(np.maximum(middle + half, 0.0)),
+            semi_minor=np.sqrt(np.maximum(middle - half, 0.0)),
+            angle=0.5 * np.arctan2(2.0 * xy, xx - yy),
+        )
+
+    @classmethod
+    def from_factor(cls, factor: FloatArray) -> tuple[Self, BoolArray]:
+        """Return the ellipses of the points `A (cos p, sin p, 1)`, homogeneous, with `factor` A (..., 3, 3).
+
+        And which (...) are ellipses: the others are hyperbolas or have points at infinity.
+        """
+        depth = factor[..., 2, :]
+        found = np.hypot(depth[..., 0], depth[..., 1]) < depth[..., 2]
+        depth = np.where(found[..., None], depth, np.array([0.0, 0.0, 1.0]))
+        # Seen from near the centre, or the axes would drown in its square.
+        origin = factor[..., :2, 2] / depth[..., 2:]
+        x, y = (factor[..., i, :] - origin[..., i, None] * depth for i in (0, 1))
+
+        def form(first: FloatArray, second: FloatArray) -> FloatArray:
+            product = first * second
+            return np.asarray(product[..., 0] + product[..., 1] - product[..., 2])
+
+        scale = -form(depth, depth)
+        cx, cy = -form(x, depth) / scale, -form(y, depth) / scale
+        xx, xy, yy = (form(first, second) / scale for first, second in ((x, x), (x, y), (y, y)))
+        center = origin + np.stack([cx, cy], axis=-1)
+        return cls.from_square(center, xx + cx * cx, xy + cx * cy, yy + cy * cy), found
+
+    @classmethod
     def batch(cls, ellipses: Sequence[Self]) -> Self:
         """Return single ellipses as one batch."""
         return cls(
@@ -93,8 +127,13 @@ class Ellipse:
     def points(self, number: int = 180) -> FloatArray:
         """Return `number` points of the rim, shape (..., number, 2), evenly spaced in the eccentric angle."""
         eccentric = np.linspace(0.0, 2.0 * np.pi, number, endpoint=False)
-        unit = np.stack([np.cos(eccentric), np.sin(eccentric), np.ones(number)], axis=-1)
-        return np.einsum("...ij,kj->...ki", self.factor, unit)[..., :2]
+        along = np.cos(eccentric) * self.semi_major[..., None]
+        across = np.sin(eccentric) * self.semi_minor[..., None]
+        cos, sin = np.cos(self.angle)[..., None], np.sin(self.angle)[..., None]
+        points = np.empty((*along.shape, 2))
+        points[..., 0] = self.center[..., :1] + cos * along - sin * across
+        points[..., 1] = self.center[..., 1:] + sin * along + cos * across
+        return points
 
 
 def joined_ellipses(batches: Sequence[Ellipse]) -> Ellipse:

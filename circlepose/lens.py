@@ -26,64 +26,73 @@ _SEARCH_RADIUS = 20.0
 
 def distort_pinhole(points: FloatArray, dist_coeffs: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Project camera-frame `points` (..., 3) to the distorted plane (..., 2), with the Jacobian (..., 2, 3)."""
+    x, y, inverse_depth = _on_plane(points, dist_coeffs)
+    with np.errstate(invalid="ignore"):
+        u, v, xx, xy, yx, yy = _distorted(x, y, _fourteen(dist_coeffs))
+        jacobian = np.empty((*x.shape, 2, 3))
+        for row, (by_x, by_y) in enumerate(((xx, xy), (yx, yy))):
+            jacobian[..., row, 0], jacobian[..., row, 1] = by_x * inverse_depth, by_y * inverse_depth
+            jacobian[..., row, 2] = -(by_x * x + by_y * y) * inverse_depth
+    return np.stack([u, v], axis=-1), jacobian
+
+
+def project_pinhole(points: FloatArray, dist_coeffs: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return u and v (...) of the distorted plane where camera-frame `points` (..., 3) are seen, NaN where not."""
+    x, y, _ = _on_plane(points, dist_coeffs)
+    if not np.any(dist_coeffs):
+        return x, y
+    with np.errstate(invalid="ignore"):
+        u, v, *_ = _distorted(x, y, _fourteen(dist_coeffs))
+    return u, v
+
+
+def _on_plane(points: FloatArray, dist_coeffs: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return x and y (...) of `points` (..., 3) on the normalized plane, and 1 / z; NaN beyond the lens model."""
     p = np.asarray(points, dtype=np.float64)
+    limit = valid_radius(tuple(dist_coeffs)) ** 2
     with np.errstate(divide="ignore", invalid="ignore"):
         inverse_depth = np.where(p[..., 2] > 0.0, 1.0 / p[..., 2], np.nan)
-        plane = p[..., :2] * inverse_depth[..., None]
-        r2 = np.sum(plane**2, axis=-1)
-        plane = np.where((r2 < valid_radius(tuple(dist_coeffs)) ** 2)[..., None], plane, np.nan)
-        distorted, inner = distort_plane(plane, dist_coeffs)
-    outer = np.zeros((*p.shape[:-1], 2, 3))
-    outer[..., 0, 0] = outer[..., 1, 1] = inverse_depth
-    outer[..., :, 2] = -plane * inverse_depth[..., None]
-    return distorted, inner @ outer
+        x, y = p[..., 0] * inverse_depth, p[..., 1] * inverse_depth
+        if np.isfinite(limit):
+            inside = x * x + y * y < limit
+            x, y = np.where(inside, x, np.nan), np.where(inside, y, np.nan)
+    return x, y, inverse_depth
 
 
-def undistort_pinhole(distorted: FloatArray, dist_coeffs: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the points (..., 2) of the normalized plane that are seen at `distorted` points (..., 2), NaN if none.
+def undistort_pinhole(
+    u: FloatArray, v: FloatArray, dist_coeffs: FloatArray
+) -> tuple[FloatArray, FloatArray, tuple[FloatArray | float, ...]]:
+    """Return x and y (...) of the normalized plane that are seen at u and v (...) of the distorted one, NaN if none.
 
-    Also returns their derivative to the distorted points (..., 2, 2).
+    And dx/du, dx/dv, dy/du, dy/dv, each (...) or one number for all. By components, as `_distorted`.
     """
-    target = np.asarray(distorted, dtype=np.float64)
     if not np.any(dist_coeffs):
-        return target.copy(), np.broadcast_to(np.eye(2), (*target.shape, 2))
+        return u, v, (1.0, 0.0, 0.0, 1.0)
     k = _fourteen(dist_coeffs)
     limit = valid_radius(tuple(dist_coeffs))
-    wanted_x, wanted_y = target[..., 0], target[..., 1]
-    x, y = wanted_x.copy(), wanted_y.copy()
+    x, y = u, v
     with np.errstate(all="ignore"):
         for _ in range(60):
-            u, v, xx, xy, yx, yy = _distorted(x, y, k)
-            miss_x, miss_y = wanted_x - u, wanted_y - v
+            seen_u, seen_v, xx, xy, yx, yy = _distorted(x, y, k)
+            miss_u, miss_v = u - seen_u, v - seen_v
             per_determinant = 1.0 / (xx * yy - xy * yx)
-            step_x = (yy * miss_x - xy * miss_y) * per_determinant
-            step_y = (xx * miss_y - yx * miss_x) * per_determinant
+            step_x = (yy * miss_u - xy * miss_v) * per_determinant
+            step_y = (xx * miss_v - yx * miss_u) * per_determinant
             length = np.sqrt(step_x * step_x + step_y * step_y)
             # Near a fold Newton leaps; half the field at a time is always enough to come back.
             longest = 0.25 * (1.0 + np.sqrt(x * x + y * y))
             short = np.minimum(1.0, longest / np.maximum(length, 1e-300))
             x, y = x + step_x * short, y + step_y * short
             # The square of the last step remains.
-            if np.nanmax(length, initial=0.0) <= 1e-9:
+            if np.nanmax(length, initial=0.0) <= 1e-7:
                 break
-        u, v, xx, xy, yx, yy = _distorted(x, y, k)
+        seen_u, seen_v, xx, xy, yx, yy = _distorted(x, y, k)
         determinant = xx * yy - xy * yx
-        good = np.hypot(wanted_x - u, wanted_y - v) < 1e-12 * (1.0 + np.hypot(wanted_x, wanted_y))
+        good = np.hypot(u - seen_u, v - seen_v) < 1e-12 * (1.0 + np.hypot(u, v))
         good &= (determinant > 0.0) & (np.hypot(x, y) < limit)
         per_determinant = np.where(good, 1.0 / determinant, np.nan)
-    plane = np.empty(target.shape)
-    plane[..., 0], plane[..., 1] = np.where(good, x, np.nan), np.where(good, y, np.nan)
-    derivative = np.empty((*target.shape, 2))
-    derivative[..., 0, 0], derivative[..., 0, 1] = yy * per_determinant, -xy * per_determinant
-    derivative[..., 1, 0], derivative[..., 1, 1] = -yx * per_determinant, xx * per_determinant
-    return plane, derivative
-
-
-def distort_plane(plane: FloatArray, dist_coeffs: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Distort points (..., 2) of the normalized plane; also returns the Jacobian (..., 2, 2)."""
-    u, v, xx, xy, yx, yy = _distorted(plane[..., 0], plane[..., 1], _fourteen(dist_coeffs))
-    jacobian = np.stack([np.stack([xx, xy], axis=-1), np.stack([yx, yy], axis=-1)], axis=-2)
-    return np.stack([u, v], axis=-1), jacobian
+    slopes = (yy * per_determinant, -xy * per_determinant, -yx * per_determinant, xx * per_determinant)
+    return np.where(good, x, np.nan), np.where(good, y, np.nan), slopes
 
 
 def _fourteen(dist_coeffs: FloatArray) -> FloatArray:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from circlepose._typing import FloatArray, Image
+from circlepose._typing import BoolArray, FloatArray, Image
 from circlepose.camera import Camera
 from circlepose.cone import SIGNATURE
 from circlepose.conic import Ellipse
@@ -14,15 +15,17 @@ from circlepose.extraction.contour import Contour
 from circlepose.extraction.rim import contour_normals, locate_edges
 from circlepose.fitting.consensus import local_scatter, on_one_ellipse
 from circlepose.fitting.determination import axis_errors
-from circlepose.fitting.direct import fit_ellipse
+from circlepose.fitting.direct import Contours, fit_ellipses
 from circlepose.fitting.thin_ellipse import STRUCTURED, ThinEllipse, are_thin, fit_thin_ellipse
 from circlepose.fitting.viewing_cone import (
     ConeFit,
     SeenPoints,
     factor_from_ellipse,
+    factors_from_ellipses,
     fit_cone,
     fit_cone_to,
     rim_distance_px,
+    rim_distances_px,
 )
 from circlepose.rim_modes import amounts_between
 
@@ -46,6 +49,7 @@ _SCATTERS = 3.5
 _LEAST_AGREEING = 0.3
 """Share of the rim that must lie on one ellipse."""
 _THIN_PLACES = 180
+_OUTLINE_PLACES = 90
 _STEP_PX = 1e-4
 _SEGMENT_SIGMAS = 3.0
 _WHOLE = 0.8
@@ -86,14 +90,26 @@ class Rim:
     """of the contour that it was found as; None where it was looked for at a known place"""
 
 
-def fit_rim(
-    levels: Image, camera: Camera, contour: Contour, *, refine: bool = True, is_start: bool = False
-) -> Rim | None:
-    """Fit the viewing cone of `contour` in the grey image `levels` (h, w); None when it has none.
+def fit_rims(
+    levels: Image, camera: Camera, contours: Sequence[Contour], *, refine: bool = True, are_starts: bool = False
+) -> Iterator[Rim | None]:
+    """Fit the viewing cones of `contours` in the grey image `levels` (h, w) in turn; None of one that has none.
 
-    Without `refine` the contour's own points are fitted and no edge is placed again; nor where the rim `is_start`
-    of a fit to the levels and seen whole: good enough for that.
+    Without `refine` the contours' own points are fitted and no edge is placed again; nor where the rims `are_starts`
+    of fits to the levels and seen whole: good enough for that.
     """
+    starts: dict[int, Rim] = {}
+    if refine and are_starts:
+        whole = [i for i, contour in enumerate(contours) if contour.rim_used > _FULL_RIM]
+        starts = dict(zip(whole, _rims_to_start_at(camera, [contours[i] for i in whole]), strict=True))
+    for i, contour in enumerate(contours):
+        yield fit_rim(levels, camera, contour, refine=refine, start=starts.get(i))
+
+
+def fit_rim(
+    levels: Image, camera: Camera, contour: Contour, *, refine: bool = True, start: Rim | None = None
+) -> Rim | None:
+    """Fit the viewing cone of one contour, see `fit_rims`; `start` is the rim of its own ellipse, if that may do."""
     is_sliver = bool(are_thin(contour.ellipse))
     has_sharp_tips = contour.rim_used < _FULL_RIM and _has_sharp_tips(contour.ellipse)
     if is_sliver or has_sharp_tips:
@@ -101,29 +117,31 @@ def fit_rim(
         # The edges of a sliver say little of its tips, and where a part is hidden these say how long it is.
         if thin is not None or (is_sliver and contour.rim_used < _WHOLE):
             return thin
-    may_start = is_start and contour.rim_used > _FULL_RIM
-    if refine and may_start:
-        rim = _rim_to_start_at(camera, contour)
-        if rim is not None and rim.cone.rms_px < _FINEST_RMS_PX:
-            return rim
+    if start is not None and start.cone.rms_px < _FINEST_RMS_PX:
+        return start
     fit = fit_cone(camera, contour.points)
     if fit is None:
         return None
     rim = rim_from_fit(camera, fit, contour.points, contour.rim_used, contour.polarity)
-    if rim is None or not refine or (may_start and fit.rms_px < _FINEST_RMS_PX):
+    if rim is None or not refine or (start is not None and fit.rms_px < _FINEST_RMS_PX):
         return rim
     rim = with_edges_placed(levels, camera, rim)
     return None if rim is not None and has_sharp_tips and not _spans(rim) else rim
 
 
-def _rim_to_start_at(camera: Camera, contour: Contour) -> Rim | None:
-    """Return the rim of the cone through a contour's own ellipse: exact without distortion, or for a small one."""
-    factor = factor_from_ellipse(camera, contour.ellipse)
-    if factor is None:
-        return None
-    fit = ConeFit(factor, rim_distance_px(factor, *camera.rays_with_jacobian(contour.points)))
-    error_px = _axis_error_px(fit, len(contour.points))
-    return Rim(fit, contour.points, contour.ellipse, contour.rim_used, contour.polarity, error_px)
+def _rims_to_start_at(camera: Camera, contours: Sequence[Contour]) -> list[Rim]:
+    """Return the rims of the cones through the contours' own ellipses: exact without distortion, or for small ones."""
+    if not contours:
+        return []
+    factors, _ = factors_from_ellipses(camera, Ellipse.batch([contour.ellipse for contour in contours]))
+    edges = Contours.of([contour.points for contour in contours])
+    residuals = rim_distances_px(factors, edges.owner, *camera.rays_with_jacobian(edges.points))
+    rims = []
+    for contour, factor, own in zip(contours, factors, np.split(residuals, edges.starts[1:]), strict=True):
+        fit = ConeFit(factor, own)
+        error_px = _axis_error_px(fit, len(own))
+        rims.append(Rim(fit, contour.points, contour.ellipse, contour.rim_used, contour.polarity, error_px))
+    return rims
 
 
 def with_edges_placed(levels: Image, camera: Camera, rim: Rim) -> Rim | None:
@@ -256,10 +274,20 @@ def rim_from_fit(
     camera: Camera, fit: ConeFit, points: FloatArray, rim_used: float = 1.0, polarity: int = 1
 ) -> Rim | None:
     """Return the rim of a cone fitted to `points` (n, 2), with its ellipse in the raw image; None where unseen."""
-    ellipse = fit_ellipse(rim_pixels(camera, fit.factor, 90))
-    if ellipse is None:
+    ellipses, found = image_ellipses(camera, fit.factor[None])
+    if not found[0]:
         return None
-    return Rim(fit, points, ellipse, rim_used, polarity, _axis_error_px(fit, len(points)))
+    return Rim(fit, points, ellipses[0], rim_used, polarity, _axis_error_px(fit, len(points)))
+
+
+def image_ellipses(camera: Camera, factors: FloatArray) -> tuple[Ellipse, BoolArray]:
+    """Return the ellipses (m,) in the raw image of the rims of cones with `factors` (m, 3, 3), and which have one.
+
+    Under a distorting lens, those that fit best.
+    """
+    if camera.model == "pinhole" and not camera.dist_coeffs.any():
+        return Ellipse.from_factor(camera.camera_matrix @ factors)
+    return fit_ellipses(Contours.of(list(rim_pixels(camera, factors, _OUTLINE_PLACES))))
 
 
 def _axis_error_px(fit: ConeFit, number: int) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 from circlepose._typing import Image
@@ -15,7 +15,7 @@ from circlepose.extraction.find import find_contours
 from circlepose.extraction.grey import to_grey
 from circlepose.extraction.intervals import axis_intervals
 from circlepose.hinted import settled_by_hints
-from circlepose.measure import Rim, fit_rim
+from circlepose.measure import Rim, fit_rims
 from circlepose.pose import CircleResult, Flag, ImageResult, Status
 from circlepose.refinement import refined
 from circlepose.ring_doubts import contradiction
@@ -96,7 +96,7 @@ def estimate(
             intervals,
             refine,
             extraction,
-            is_start=methods == ("chen-huang",),
+            are_starts=methods == ("chen-huang",),
         )
         if refine:
             chosen = refined(grey, camera, chosen)
@@ -106,7 +106,8 @@ def estimate(
         # Of a ring target the polarity is the largest circle's.
         found = find_contours(grey, intervals, "any", keep_concentric=True, extraction=extraction)
         rejected = Counter(found.rejected)
-        all_rims = list(_rims(grey, camera, iter(found.contours), refine, rejected))
+        fits = fit_rims(grey, camera, found.contours, refine=refine)
+        all_rims = list(_measured(zip(found.contours, fits, strict=True), rejected))
         if refine:
             all_rims = refined(grey, camera, with_second_rims(grey, camera, all_rims, target))
         circles = find_ring_targets(all_rims, camera, target, methods, rejected, placed=refine)
@@ -124,7 +125,7 @@ def _sought_rims(
     refine: bool,
     extraction: str,
     *,
-    is_start: bool,
+    are_starts: bool,
 ) -> tuple[list[Rim], Counter[Rejection]]:
     """Find the rims of the circles asked for, and why other contours are none of them.
 
@@ -136,27 +137,17 @@ def _sought_rims(
         found = find_contours(grey, intervals, target.polarity, enough=enough, extraction=extraction)
         rejected = Counter(found.rejected)
         remaining = iter(found.contours)
-        taken = _lone_rims(
-            _rims(grey, camera, remaining, refine, rejected, is_start=is_start), camera, target, rejected
-        )
+        fits = fit_rims(grey, camera, found.contours, refine=refine, are_starts=are_starts)
+        taken = _lone_rims(_measured(zip(remaining, fits, strict=True), rejected), camera, target, rejected)
         if found.is_complete or target.count is None or len(taken) >= target.count:
             rejected[Rejection.BEYOND_COUNT] += sum(1 for _ in remaining)
             return taken, rejected
         enough = _EVERY_ONE
 
 
-def _rims(
-    grey: Image,
-    camera: Camera,
-    contours: Iterator[Contour],
-    refine: bool,
-    rejected: Counter[Rejection],
-    *,
-    is_start: bool = False,
-) -> Iterator[Rim]:
-    """Measure the rims of contours as they are asked for, the most evident first."""
-    for contour in contours:
-        rim = fit_rim(grey, camera, contour, refine=refine, is_start=is_start)
+def _measured(fits: Iterable[tuple[Contour, Rim | None]], rejected: Counter[Rejection]) -> Iterator[Rim]:
+    """Return the rims of contours that have one, as they are asked for, the most evident first."""
+    for contour, rim in fits:
         if rim is None:
             rejected[Rejection.NO_POSE] += 1
         else:

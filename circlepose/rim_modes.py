@@ -24,10 +24,11 @@ def mode_shapes(angle: FloatArray) -> FloatArray:
 
 def grown(factor: FloatArray, amounts: FloatArray) -> FloatArray:
     """Return the factors (..., 3, 3) of cones whose rims depart from those of `factor` by `amounts` (..., 5)."""
-    m0, m1, m2, m3, m4 = np.moveaxis(amounts, -1, 0)
-    zero = np.zeros_like(m0)
-    change = np.stack([m0 + m3, m4, m1, m4, m0 - m3, m2, zero, zero, zero], axis=-1)
-    return np.asarray(factor @ (np.eye(3) + change.reshape(*m0.shape, 3, 3)))
+    m0, m1, m2, m3, m4 = (amounts[..., i] for i in range(MODES))
+    change = np.zeros((*amounts.shape[:-1], 3, 3))
+    change[..., 0, 0], change[..., 0, 1], change[..., 0, 2] = m0 + m3, m4, m1
+    change[..., 1, 0], change[..., 1, 1], change[..., 1, 2] = m4, m0 - m3, m2
+    return np.asarray(factor + factor @ change)
 
 
 def amounts_between(factor: FloatArray, dual: FloatArray) -> FloatArray:
@@ -87,4 +88,7 @@ def _amounts(change: FloatArray) -> FloatArray:
     """Half the dual form of the tangent lines (cos p, sin p, -1), by harmonics."""
     mean = (change[..., 0, 0] + change[..., 1, 1]) / 4.0 + change[..., 2, 2] / 2.0
     second = (change[..., 0, 0] - change[..., 1, 1]) / 4.0
-    return np.stack([mean, -change[..., 0, 2], -change[..., 1, 2], second, change[..., 0, 1] / 2.0], axis=-1)
+    amounts = np.empty((*mean.shape, MODES))
+    amounts[..., 0], amounts[..., 1], amounts[..., 2] = mean, -change[..., 0, 2], -change[..., 1, 2]
+    amounts[..., 3], amounts[..., 4] = second, change[..., 0, 1] / 2.0
+    return amounts

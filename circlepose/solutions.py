@@ -67,9 +67,11 @@ def results_of_rims(
     """As `circle_results`, for many rims at once, each an instance of its own."""
     if not rims:
         return []
-    frames = principal_frame(np.stack([rim.cone.factor for rim in rims]))
+    measured = np.stack([rim.cone.factor for rim in rims])
+    frames = principal_frame(measured)
     factors = _settled_factors(rims, frames)
-    known = chen_huang or solve_chen_huang(principal_frame(factors), radius_mm)
+    settled = frames if np.array_equal(factors, measured) else principal_frame(factors)
+    known = chen_huang or solve_chen_huang(settled, radius_mm)
     covariances = _covariances(rims, frames, factors, known, radius_mm)
     imaged = camera.project(np.concatenate([solutions.centers for solutions in known]))
     starts = np.cumsum([0, *(len(solutions.centers) for solutions in known)])

@@ -186,8 +186,8 @@ def test_edges_are_found_from_a_prediction_that_is_off():
     truth = ellipse()
     image = draw(truth, blur=1.0)
     predicted = Ellipse.from_axes(truth.center[None] + [[1.2, -0.8]], [[61.0, 36.0]], [0.41])
-    points, normals = ellipse_rim(predicted, 90)
-    edges = locate_edges(image, points, normals, np.array([4.0]))
+    points, normals, curvature = ellipse_rim(predicted, 90)
+    edges = locate_edges(image, points, normals, np.array([4.0]), curvature)
     assert edges.valid.mean() > 0.95
     assert np.abs(signed_distance(truth, edges.points[0][edges.valid[0]])).max() < 0.1
 
@@ -196,7 +196,7 @@ def test_edges_are_found_from_a_prediction_that_is_off():
 def test_the_edge_of_a_blurred_disc_is_not_drawn_inwards(radius):
     truth = ellipse(a=radius, b=radius, angle=0.0)
     image = draw(truth, blur=1.2).astype(np.float32)
-    points, normals = ellipse_rim(Ellipse.from_axes(truth.center[None], [[radius, radius]], [0.0]), 180)
+    points, normals, _ = ellipse_rim(Ellipse.from_axes(truth.center[None], [[radius, radius]], [0.0]), 180)
     edges = locate_edges(image, points, normals, np.array([3.0]))
     # Without the correction the edge of the smallest would be 0.12 px too far in.
     assert abs(np.mean(edges.offset_px[edges.valid])) < 0.035

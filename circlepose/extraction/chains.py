@@ -108,14 +108,6 @@ class Chains:
         safe = np.where(np.abs(area) > 0.5, area, np.inf)
         cx, cy = mx / safe, my / safe
         xx, yy, xy = xx / safe - cx * cx, yy / safe - cy * cy, xy / safe - cx * cy
-        middle, half = (xx + yy) / 2.0, np.hypot((xx - yy) / 2.0, xy)
-        semi_major = 2.0 * np.sqrt(np.maximum(middle + half, 0.0))
-        semi_minor = 2.0 * np.sqrt(np.maximum(middle - half, 0.0))
-        full = np.pi * semi_major * semi_minor
-        ellipse = Ellipse(
-            center=np.stack([cx, cy], axis=1) + origin,
-            semi_major=semi_major,
-            semi_minor=semi_minor,
-            angle=0.5 * np.arctan2(2.0 * xy, xx - yy),
-        )
+        ellipse = Ellipse.from_square(np.stack([cx, cy], axis=1) + origin, 4.0 * xx, 4.0 * xy, 4.0 * yy)
+        full = np.pi * ellipse.semi_major * ellipse.semi_minor
         return ellipse, np.where(full > 0.0, np.abs(area) / np.where(full > 0.0, full, 1.0), 0.0)

@@ -26,6 +26,8 @@ def same(first: Ellipse, others: Ellipse) -> BoolArray:
 
 def repeats(ellipse: Ellipse, ranked: IntArray) -> IntArray:
     """Return those of the candidates `ranked` that are the same edge as one ranked higher."""
+    if len(ranked) < 2:
+        return ranked[:0]
     chosen = ellipse[ranked]
     near = np.maximum(_SAME_PX, _SAME_SHARE * chosen.semi_major)
     higher, lower = _neighbours(chosen.center, float(near.max(initial=0.0)))
@@ -34,6 +36,8 @@ def repeats(ellipse: Ellipse, ranked: IntArray) -> IntArray:
 
 def inside_others(ellipse: Ellipse, which: IntArray) -> IntArray:
     """Return those of `which` that lie within another of them, of the same centre and nearly the same shape."""
+    if len(which) < 2:
+        return which[:0]
     chosen = ellipse[which]
     first, second = _neighbours(chosen.center, _CENTER_SHARE * float(chosen.semi_minor.max(initial=0.0)) + 1.0)
     swap = chosen.semi_major[first] > chosen.semi_major[second]

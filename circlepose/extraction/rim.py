@@ -48,15 +48,19 @@ class RimEdges:
         return cls(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(cls)))
 
 
-def ellipse_rim(ellipse: Ellipse, number: int) -> tuple[FloatArray, FloatArray]:
-    """Return `number` rim points (m, number, 2) of m ellipses and the outward unit normals there."""
-    points = ellipse.points(number)
+def ellipse_rim(ellipse: Ellipse, number: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return rim points (m, number, 2) of m ellipses, and the outward unit normals and curvature (m, number) there."""
     eccentric = np.linspace(0.0, 2.0 * np.pi, number, endpoint=False)
-    along = np.cos(eccentric) * ellipse.semi_minor[..., None]
-    across = np.sin(eccentric) * ellipse.semi_major[..., None]
-    cos, sin = np.cos(ellipse.angle)[..., None], np.sin(ellipse.angle)[..., None]
-    normals = np.stack([cos * along - sin * across, sin * along + cos * across], axis=-1)
-    return points, normals / np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-12)
+    unit_x, unit_y = np.cos(eccentric), np.sin(eccentric)
+    a, b = ellipse.semi_major[:, None], ellipse.semi_minor[:, None]
+    cos, sin = np.cos(ellipse.angle)[:, None], np.sin(ellipse.angle)[:, None]
+    normal_x, normal_y = b * unit_x, a * unit_y
+    per_norm = 1.0 / np.maximum(np.sqrt(normal_x * normal_x + normal_y * normal_y), 1e-12)
+    normal_x, normal_y = normal_x * per_norm, normal_y * per_norm
+    normals = np.empty((*normal_x.shape, 2))
+    normals[..., 0] = cos * normal_x - sin * normal_y
+    normals[..., 1] = sin * normal_x + cos * normal_y
+    return ellipse.points(number), normals, a * b * per_norm**3
 
 
 def edges_along(grey: Image, ellipse: Ellipse, reach_px: float, places: int, *, quick: bool = False) -> RimEdges:
@@ -67,10 +71,10 @@ def edges_along(grey: Image, ellipse: Ellipse, reach_px: float, places: int, *, 
     if len(ellipse) > _AT_ONCE:
         parts = [ellipse[i : i + _AT_ONCE] for i in range(0, len(ellipse), _AT_ONCE)]
         return RimEdges.joined([edges_along(grey, part, reach_px, places, quick=quick) for part in parts])
-    points, normals = ellipse_rim(ellipse, places)
+    points, normals, curvature = ellipse_rim(ellipse, places)
     # In a small or thin ellipse the search must not come out on the other side.
     reach = np.minimum(reach_px, np.maximum(0.45 * ellipse.semi_minor + 0.5, 1.0))
-    return locate_edges(grey, points, normals, reach, quick=quick)
+    return locate_edges(grey, points, normals, reach, curvature, quick=quick)
 
 
 def contour_normals(points: FloatArray) -> FloatArray:
@@ -83,7 +87,13 @@ def contour_normals(points: FloatArray) -> FloatArray:
 
 
 def locate_edges(
-    grey: Image, points: FloatArray, normals: FloatArray, reach_px: FloatArray, *, quick: bool = False
+    grey: Image,
+    points: FloatArray,
+    normals: FloatArray,
+    reach_px: FloatArray,
+    curvature: FloatArray | None = None,
+    *,
+    quick: bool = False,
 ) -> RimEdges:
     """Find the edge near each predicted rim point.
 
@@ -95,6 +105,8 @@ def locate_edges(
         (m, k, 2) predicted rim, px, and its outward unit normals.
     reach_px
         (m,) how far from the predicted rim the edge may be.
+    curvature
+        (m, k) of the predicted rim, 1/px; else it is taken from the points.
     quick
         Round levels as `quick_profiles` does.
 
@@ -131,10 +143,10 @@ def locate_edges(
     # About the middle of the profile first: of the same sums as the centre.
     mean_square = (window @ (t * t)) / np.maximum(mass, 1e-12)
     variance = np.where(mass > 0.0, mean_square - center * center, 0.0)
-    blur = np.maximum(np.median(variance, axis=1, keepdims=True) - _DIFFERENCE_VARIANCE, 0.0)
-    center = center + 0.5 * blur * _curvature(points, normals)
+    blur = np.maximum(_middle(variance) - _DIFFERENCE_VARIANCE, 0.0)
+    center = center + 0.5 * blur * (_curvature(points, normals) if curvature is None else curvature)
     step = mass * _STEP_PX
-    typical = np.median(step, axis=1, keepdims=True)
+    typical = _middle(step)
     valid = inside & (step > 0.35 * typical) & (step > 0.0) & (np.abs(center) <= reach_px[:, None])
     return RimEdges(
         points=points + center[..., None] * normals,
@@ -143,6 +155,12 @@ def locate_edges(
         valid=valid,
         polarity=polarity,
     )
+
+
+def _middle(values: NDArray[Any]) -> NDArray[Any]:
+    """Return the upper median (m, 1) of each row of `values` (m, k)."""
+    middle = values.shape[1] // 2
+    return np.partition(values, middle, axis=1)[:, middle, None]
 
 
 def _curvature(points: FloatArray, normals: FloatArray) -> FloatArray:

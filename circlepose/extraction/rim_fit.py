@@ -7,6 +7,8 @@ unlike axes and angle are never degenerate. One linear step is enough, as edges 
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from circlepose._typing import BoolArray, FloatArray
@@ -28,24 +30,27 @@ def fit_offsets(ellipse: Ellipse, offsets: FloatArray, valid: BoolArray) -> tupl
     eccentric = np.linspace(0.0, 2.0 * np.pi, places, endpoint=False)
     cos, sin = np.cos(eccentric), np.sin(eccentric)
     a, b = ellipse.semi_major[:, None], ellipse.semi_minor[:, None]
-    norm = np.maximum(np.hypot(b * cos, a * sin), 1e-12)
-    stretch = a * b / norm
+    normal_x, normal_y = b * cos, a * sin
+    per_norm = 1.0 / np.maximum(np.sqrt(normal_x * normal_x + normal_y * normal_y), 1e-12)
+    stretch = a * b * per_norm
     # In the ellipse's own frame, centred on it.
-    slopes = np.stack(
-        [b * cos / norm, a * sin / norm, stretch * (cos * cos), stretch * (2.0 * cos * sin), stretch * (sin * sin)],
-        axis=-1,
-    )
+    slopes = np.empty((len(offsets), 5, places))
+    slopes[:, 0], slopes[:, 1] = normal_x * per_norm, normal_y * per_norm
+    slopes[:, 2], slopes[:, 4] = stretch * (cos * cos), stretch * (sin * sin)
+    slopes[:, 3] = stretch * (2.0 * cos * sin)
     weights = valid.astype(np.float64)
     rows, median = np.arange(len(offsets)), np.count_nonzero(valid, axis=1) // 2
-    size = np.maximum(a * b, 1.0)[:, 0]
-    ridge = _RIDGE * np.stack([np.ones_like(size)] * 2 + [size] * 3, axis=-1)[:, :, None] * np.eye(5)
+    ridge = np.zeros((len(offsets), 5, 5))
+    ridge[:, range(5), range(5)] = _RIDGE
+    ridge[:, range(2, 5), range(2, 5)] *= np.maximum(a * b, 1.0)
     for _ in range(_ROUNDS):
-        weighted = np.swapaxes(slopes * weights[..., None], 1, 2)
-        move = np.linalg.solve(weighted @ slopes + ridge, weighted @ offsets[..., None])
-        left = offsets - (slopes @ move)[..., 0]
+        weighted = slopes * weights[:, None]
+        move = np.linalg.solve(weighted @ slopes.transpose(0, 2, 1) + ridge, weighted @ offsets[..., None])
+        left = offsets - (move.transpose(0, 2, 1) @ slopes)[:, 0]
         ordered = np.sort(np.where(valid, np.abs(left), np.inf), axis=1)
         scale = np.clip(1.5 * ordered[rows, median], *_SCALES)[:, None]
-        weights = valid / (1.0 + (left / scale) ** 2) ** 2
+        weights = 1.0 + (left / scale) ** 2
+        weights = valid / (weights * weights)
     return _moved(ellipse, move[..., 0]), left
 
 
@@ -56,10 +61,7 @@ def _moved(ellipse: Ellipse, move: FloatArray) -> Ellipse:
     # A (I + E) in the ellipse's frame; with its transpose it gives the axes.
     p, q, r, s = a * (1.0 + e1), a * e3, b * e3, b * (1.0 + e2)
     xx, xy, yy = p * p + q * q, p * r + q * s, r * r + s * s
-    middle, half = (xx + yy) / 2.0, np.hypot((xx - yy) / 2.0, xy)
-    return Ellipse(
-        center=ellipse.center + np.stack([cos * dx - sin * dy, sin * dx + cos * dy], axis=-1),
-        semi_major=np.sqrt(middle + half),
-        semi_minor=np.sqrt(np.maximum(middle - half, 1e-12)),
-        angle=wrap_half_turn(ellipse.angle + 0.5 * np.arctan2(2.0 * xy, xx - yy)),
+    moved = Ellipse.from_square(
+        ellipse.center + np.stack([cos * dx - sin * dy, sin * dx + cos * dy], axis=-1), xx, xy, yy
     )
+    return replace(moved, angle=wrap_half_turn(ellipse.angle + moved.angle))

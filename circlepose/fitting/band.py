@@ -26,7 +26,7 @@ class Bands:
     weight: RealArray
     """(m, k) 1, or 0 for a pixel that does not count"""
     rays: RealArray
-    """(m, 3, 3, k) unit rays, and beside each its derivatives to the pixel's x and y"""
+    """(m, 3, 3, k) rays of any length, and beside each its derivatives to the pixel's x and y"""
     pixels: FloatArray
     """(m, k, 2)"""
 
@@ -64,24 +64,22 @@ class Beyond:
     weight: RealArray
     """(2, m, k) 1, or less for a pixel that others of the same place stand beside"""
     rays: RealArray
-    """(2, m, 3, k) unit length"""
+    """(2, m, 3, k) of any length, the lens taken as linear from the rim on"""
 
 
 def bands_around(grey: Image, camera: Camera, rims: Sequence[Ellipse], reach_px: FloatArray) -> Bands:
     """Gather the pixels of `grey` (h, w) within about `reach_px` (m,) of m rims, given by their image ellipses."""
-    around = [pixels_around(each, reach, grey.shape) for each, reach in zip(rims, reach_px.tolist(), strict=True)]
-    x, y, weight = _joined(around, grey.shape)
+    x, y, weight = _pixels_around(Ellipse.batch(rims), reach_px, grey.shape)
     pixels = np.stack([x, y], axis=-1).astype(np.float64)
-    rays, jacobians = camera.rays_with_jacobian(pixels)
-    unseen = ~(np.isfinite(rays).all(axis=-1) & np.isfinite(jacobians).all(axis=(-2, -1)))
+    sights = camera.sights(pixels)
+    rays = np.empty((len(x), 3, 3, x.shape[1]), np.float32)
+    rays[...] = np.moveaxis(sights, 2, 0)
+    unseen = ~np.isfinite(rays).all(axis=(1, 2))
     if unseen.any():
         # Beyond the lens model; any ray that is finite will do.
         weight[unseen] = 0.0
-        rays[unseen], jacobians[unseen] = np.array([0.0, 0.0, 1.0]), np.eye(3)[:, :2]
-    both = np.empty((len(x), 3, 3, x.shape[1]), np.float32)
-    both[:, :, 0] = np.moveaxis(rays, -1, 1)
-    both[:, :, 1:] = np.moveaxis(jacobians, 1, -1)
-    return Bands(grey[y, x].astype(np.float32), weight.astype(np.float32), both, pixels)
+        np.moveaxis(rays, -1, 1)[unseen] = np.eye(3)[:, [2, 0, 1]]
+    return Bands(grey[y, x].astype(np.float32), weight, rays, pixels)
 
 
 def beyond_bands(
@@ -89,88 +87,96 @@ def beyond_bands(
 ) -> Beyond:
     """Sample pixels along ellipses farther in and out than `reach_px` (m,); those at the `limits` do not count."""
     every = Ellipse.batch(rims)
-    axes = np.stack([every.semi_major, every.semi_minor], axis=-1)
+    axes = np.stack([every.semi_major, every.semi_minor], axis=-1)[:, None]
+    off = (reach_px[:, None] + _BEYOND_PX) * np.array([-1.0, 1.0])[:, None, None]
+    beyond = axes + off[..., None]
     number = int(np.clip(_PER_PX * axes.max(), *_ANGLES))
-    off = reach_px[:, None] + _BEYOND_PX
-    inside, outside = (
-        _sampled(grey, camera, every, axes[:, :, None] + sign * off[:, None], number, limits) for sign in (-1.0, 1.0)
-    )
-    return Beyond(*(np.stack(pair) for pair in zip(inside, outside, strict=True)))
-
-
-def _sampled(
-    grey: Image, camera: Camera, rims: Ellipse, axes: FloatArray, number: int, limits: tuple[float, float]
-) -> tuple[RealArray, RealArray, RealArray]:
-    """Return levels (m, k), weight (m, k) and rays (m, 3, k) of pixels at a `number` of places along each ellipse.
-
-    The ellipses around the centres of the `rims` have other `axes` (m, 2, rings), negative where there is none.
-    """
-    angle = np.linspace(0.0, 2.0 * np.pi, number, endpoint=False, dtype=np.float32)
-    cos, sin = (f(rims.angle)[:, None, None].astype(np.float32) for f in (np.cos, np.sin))
-    axes = axes.astype(np.float32)
-    along, across = axes[:, 0, :, None] * np.cos(angle), axes[:, 1, :, None] * np.sin(angle)
-    m = len(axes)
-    x = np.rint(rims.center[:, 0, None, None] + cos * along - sin * across).reshape(m, -1)
-    y = np.rint(rims.center[:, 1, None, None] + sin * along + cos * across).reshape(m, -1)
+    rim_x, rim_y = _on_ellipses(every, axes, number)
+    x, y = (np.rint(each) for each in _on_ellipses(every, beyond, number))
     height, width = grey.shape
     # Where more places than pixels are on an ellipse, each counts for less.
-    share = np.clip(np.pi * axes.sum(axis=1) * (_BEYOND_PX[1] - _BEYOND_PX[0]) / number, 0.0, 1.0)
-    weight = np.repeat(np.where(axes[:, 1] > 0.0, share, 0.0), number, axis=1).astype(np.float32)
-    weight *= (x >= 0.0) & (x < width) & (y >= 0.0) & (y < height)
-    x, y = np.clip(x, 0.0, width - 1.0), np.clip(y, 0.0, height - 1.0)
+    share = np.clip(np.pi * beyond.sum(axis=-1) * (_BEYOND_PX[1] - _BEYOND_PX[0]) / number, 0.0, 1.0)
+    weight = np.where(beyond[..., 1] > 0.0, share, 0.0).astype(np.float32)[..., None]
+    weight = weight * ((x >= 0.0) & (x < width) & (y >= 0.0) & (y < height))
+    np.clip(x, 0.0, width - 1.0, out=x)
+    np.clip(y, 0.0, height - 1.0, out=y)
     levels = grey[y.astype(np.intp), x.astype(np.intp)].astype(np.float32)
-    rays = np.moveaxis(camera.rays(np.stack([x, y], axis=-1)), -1, 1).astype(np.float32)
-    unseen = ~np.isfinite(rays[:, 2])
-    weight[unseen | (levels <= limits[0]) | (levels >= limits[1])] = 0.0
-    return levels, weight, np.ascontiguousarray(np.where(unseen[:, None], np.float32(0.5), rays))
+    sights = camera.sights(np.stack([rim_x, rim_y], axis=-1)).astype(np.float32)
+    unseen = ~np.isfinite(sights).all(axis=(0, 1))
+    sights[:, :, unseen] = 0.5
+    weight[(levels <= limits[0]) | (levels >= limits[1]) | unseen] = 0.0
+    dx, dy = x - rim_x, y - rim_y
+    rays = np.stack([each[0] + each[1] * dx + each[2] * dy for each in sights], axis=2)
+    return Beyond(*(each.reshape(*each.shape[:-2], -1) for each in (levels, weight, rays)))
 
 
-def _joined(
-    found: Sequence[tuple[IntArray, IntArray]], shape: tuple[int, ...]
-) -> tuple[IntArray, IntArray, FloatArray]:
-    """Return columns, rows and weights (m, k) of pixels that were found for each of m rims."""
-    longest = max(1, *(len(x) for x, _ in found))
-    x, y = np.zeros((2, len(found), longest), dtype=np.int64)
-    weight = np.zeros((len(found), longest))
-    middle = (shape[1] // 2, shape[0] // 2)
-    for i, (columns, rows) in enumerate(found):
-        # What pads a row is a pixel of the same rim, or else the middle one, so that all numbers are finite.
-        x[i], y[i] = (columns[0], rows[0]) if len(columns) else middle
-        x[i, : len(columns)], y[i, : len(rows)] = columns, rows
-        weight[i, : len(columns)] = 1.0
-    return x, y, weight
+def _on_ellipses(rims: Ellipse, axes: FloatArray, number: int) -> tuple[RealArray, RealArray]:
+    """Return x and y (..., m, r, number) of places along ellipses about the centres of m rims, r with each.
 
-
-def pixels_around(ellipse: Ellipse, reach_px: float, shape: tuple[int, ...]) -> tuple[IntArray, IntArray]:
-    """Return columns and rows (n,) of the pixels between the ellipses with axes longer and shorter by `reach_px`.
-
-    Row by row, as two runs where the inner ellipse is crossed, so that the work is that of the band alone.
+    The ellipses, turned as the rim, have other `axes` (..., m, r, 2).
     """
-    a, b, angle = float(ellipse.semi_major), float(ellipse.semi_minor), float(ellipse.angle)
-    center_x, center_y = ellipse.center
+    angle = np.linspace(0.0, 2.0 * np.pi, number, endpoint=False, dtype=np.float32)
+    lengths = axes.astype(np.float32)[..., None, :]
+    along, across = lengths[..., 0] * np.cos(angle), lengths[..., 1] * np.sin(angle)
+    cos, sin, x, y = (
+        each.astype(np.float32)[:, None, None] for each in (np.cos(rims.angle), np.sin(rims.angle), *rims.center.T)
+    )
+    return x + (cos * along - sin * across), y + (sin * along + cos * across)
+
+
+def _pixels_around(
+    rims: Ellipse, reach_px: FloatArray, shape: tuple[int, ...]
+) -> tuple[IntArray, IntArray, RealArray]:
+    """Return columns, rows and weights (m, k) of the pixels between ellipses longer and shorter than the m `rims`.
+
+    By `reach_px` (m,). Row by row, as two runs where the inner ellipse is crossed, so that the work is that of the
+    bands alone.
+    """
     height, width = shape
-    half_height = np.hypot((a + reach_px) * np.sin(angle), (b + reach_px) * np.cos(angle))
-    first = max(int(np.ceil(center_y - half_height)), 0)
-    rows = np.arange(first, max(min(int(np.floor(center_y + half_height)) + 1, height), first))
-    left, right = _crossings(rows - center_y, a + reach_px, b + reach_px, angle)
-    start, end = np.ceil(center_x + left), np.floor(center_x + right) + 1.0
-    hole_start = hole_end = end
-    if b > reach_px:
-        left, right = _crossings(rows - center_y, a - reach_px, b - reach_px, angle)
-        crossed = np.isfinite(left)
-        hole_start = np.where(crossed, np.ceil(center_x + left), end)
-        hole_end = np.where(crossed, np.floor(center_x + right) + 1.0, end)
-    runs = np.stack([[start, hole_start], [hole_end, end]], axis=1).reshape(2, -1)
-    starts, ends = np.clip(np.nan_to_num(runs), 0, width).astype(np.int64)
+    a, b = rims.semi_major, rims.semi_minor
+    half = np.hypot((a + reach_px) * np.sin(rims.angle), (b + reach_px) * np.cos(rims.angle))
+    first = np.clip(np.ceil(rims.center[:, 1] - half), 0, height).astype(np.int64)
+    last = np.clip(np.floor(rims.center[:, 1] + half) + 1, first, height).astype(np.int64)
+    rows, owner = _runs(first, last - first), np.repeat(np.arange(len(rims)), last - first)
+    center = rims.center[owner]
+    dy = rows - center[:, 1]
+    left, right = _crossings(dy, (a + reach_px)[owner], (b + reach_px)[owner], rims.angle[owner])
+    start, end = np.ceil(center[:, 0] + left), np.floor(center[:, 0] + right) + 1.0
+    left, right = _crossings(dy, (a - reach_px)[owner], (b - reach_px)[owner], rims.angle[owner])
+    crossed = np.isfinite(left)
+    hole_start = np.where(crossed, np.ceil(center[:, 0] + left), end)
+    hole_end = np.where(crossed, np.floor(center[:, 0] + right) + 1.0, end)
+    # Neither sees NaN, of rows that are not crossed.
+    starts, ends = np.fmin(np.fmax([[start, hole_end], [hole_start, end]], 0.0), width).astype(np.int64)
     lengths = np.maximum(ends - starts, 0)
-    along = np.arange(lengths.sum()) - np.repeat(np.cumsum(lengths) - lengths, lengths)
-    return np.repeat(starts, lengths) + along, np.repeat(np.concatenate([rows, rows]), lengths)
+    # Of each row both runs, one after the other.
+    each = lengths.T.ravel()
+    columns, rows = _runs(starts.T.ravel(), each), np.repeat(np.repeat(rows, 2), each)
+    number = np.bincount(owner, lengths.sum(axis=0), len(rims)).astype(np.int64)
+    within = np.arange(int(number.max(initial=1))) < number[:, None]
+    # What pads a row is a pixel of the same rim, or else the middle one, so that all numbers are finite.
+    x, y = np.empty((2, *within.shape), np.int64)
+    own = number > 0
+    x[:], y[:] = width // 2, height // 2
+    if not within.all():
+        first = (np.cumsum(number) - number)[own]
+        x[own], y[own] = columns[first, None], rows[first, None]
+    x[within], y[within] = columns, rows
+    return x, y, within.astype(np.float32)
 
 
-def _crossings(dy: FloatArray, a: float, b: float, angle: float) -> FloatArray:
-    """Return x (2, n), left and right, where rows at `dy` (n,) from the centre cross an ellipse; NaN where not."""
+def _runs(starts: IntArray, lengths: IntArray) -> IntArray:
+    """Return the numbers (n,) of runs of `lengths` that count from `starts`, one after the other."""
+    ends = np.cumsum(lengths)
+    return np.arange(int(lengths.sum())) + np.repeat(starts - (ends - lengths), lengths)
+
+
+def _crossings(dy: FloatArray, a: FloatArray, b: FloatArray, angle: FloatArray) -> FloatArray:
+    """Return x (2, n), left and right, where rows at `dy` (n,) from the centres cross ellipses; NaN where not."""
     cos, sin = np.cos(angle), np.sin(angle)
-    xx, xy, yy = (cos / a) ** 2 + (sin / b) ** 2, cos * sin * (a**-2.0 - b**-2.0), (sin / a) ** 2 + (cos / b) ** 2
-    under_root = (xy * dy) ** 2 - xx * (yy * dy**2 - 1.0)
-    root = np.sqrt(np.where(under_root >= 0.0, under_root, np.nan))
-    return np.stack([-xy * dy - root, -xy * dy + root]) / xx
+    a, b = np.maximum(a, 0.0), np.maximum(b, 0.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        xx, xy, yy = (cos / a) ** 2 + (sin / b) ** 2, cos * sin * (a**-2.0 - b**-2.0), (sin / a) ** 2 + (cos / b) ** 2
+        under_root = (xy * dy) ** 2 - xx * (yy * dy**2 - 1.0)
+        root = np.sqrt(np.where(under_root >= 0.0, under_root, np.nan))
+        return np.stack([-xy * dy - root, -xy * dy + root]) / xx

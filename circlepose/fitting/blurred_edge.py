@@ -21,11 +21,10 @@ import numpy as np
 
 from circlepose._typing import FloatArray, RealArray
 from circlepose.fitting.band import Bands
-from circlepose.fitting.blurred_share import Places, Share, normal_share
+from circlepose.fitting.blurred_share import SHAPES, Places, Share, harmonics, normal_share
 
 LINEAR = 11
 """Levels in all: harmonic polynomials inside and outside, and the term beside a Gaussian."""
-SHAPES = 5
 _FINEST = 6
 """Order of the finest harmonic by which texture is met."""
 TEXTURES = 1 + 2 * _FINEST + 2 * (_FINEST - 2)
@@ -71,7 +70,11 @@ class Levels:
         """Return the equations of the modes and the blur, the levels eliminated."""
         across = (self.linear @ self.slopes.transpose(0, 2, 1)).astype(np.float64)[:, :-1]
         made_up = np.linalg.solve(self.gram, across)
-        matrix = (self.slopes @ self.slopes.transpose(0, 2, 1)).astype(np.float64)
+        # In halves: a whole matrix by itself transposed goes another way in BLAS, which takes four times longer here.
+        half = self.slopes.shape[1] // 2
+        transposed = self.slopes.transpose(0, 2, 1)
+        parts = (self.slopes[:, :half] @ transposed, self.slopes[:, half:] @ transposed)
+        matrix = np.concatenate(parts, axis=1).astype(np.float64)
         matrix -= across.transpose(0, 2, 1) @ made_up
         # The cost is least in the levels, so their change with the modes does not count.
         gradient = (self.slopes @ self.residual[..., None])[..., 0].astype(np.float64)
@@ -129,7 +132,7 @@ class Columns:
     def of(cls, bands: Bands, at: Places, share: Share, *, textured: bool = False) -> Self:
         """Return those of the pixels of `bands`, `at` their places, with their `share`."""
         z = share.z
-        shapes = texture_shapes(at) if textured else harmonics(*at.plane)
+        shapes = texture_shapes(at) if textured else harmonics(at.plane)
         number = shapes.shape[1]
         # A multiple of four rows, which products of matrices like; what was measured among them, as the right side.
         columns = np.empty((len(z), 2 * number + 2, z.shape[1]), z.dtype)
@@ -191,23 +194,14 @@ def fit_levels(columns: Columns, stiff: FloatArray, more: MoreLevels | None = No
     )
 
 
-def harmonics(p0: RealArray, p1: RealArray) -> RealArray:
-    """Return the harmonic polynomials (..., 5, k) up to second order of places p (..., k)."""
-    shapes = np.empty((*p0.shape[:-1], SHAPES, p0.shape[-1]), p0.dtype)
-    shapes[..., 0, :], shapes[..., 1, :], shapes[..., 2, :] = 1.0, p0, p1
-    np.subtract(p0 * p0, p1 * p1, out=shapes[..., 3, :])
-    np.multiply(2.0 * p0, p1, out=shapes[..., 4, :])
-    return shapes
-
-
 def texture_shapes(at: Places) -> RealArray:
     """Return the `harmonics` (m, 26, k) and what texture may add: finer ones, and slopes across the rim, as fine.
 
     That is what a level that varies on the scale of the band or more does within it, to first order.
     """
-    p0, p1 = at.plane
+    p0, p1 = at.plane[:, 0], at.plane[:, 1]
     shapes = np.empty((len(p0), SHAPES + TEXTURES, p0.shape[1]), p0.dtype)
-    shapes[:, :SHAPES] = harmonics(p0, p1)
+    shapes[:, :SHAPES] = harmonics(at.plane)
     per_radius = 1.0 / np.maximum(at.radius, 1e-6)
     u0, u1 = p0 * per_radius, p1 * per_radius
     slope = at.distance_px * (1.0 / _BAND_PX)

@@ -26,6 +26,7 @@ from circlepose.rim_modes import MODES
 _TIGHTEST = 0.3
 """Least 1 - kappa d: a pixel nearer to the centre of curvature has no foot point to speak of."""
 BLUR = 3
+SHAPES = 5
 _MOST_BEND = 0.7
 _ROOT_TWO_PI = float(np.sqrt(2.0 * np.pi))
 _TAIL_SCALE = 0.2316419
@@ -46,16 +47,16 @@ class Places:
     """(m, k) positive outside, to second order"""
     curvature: RealArray
     """(m, k) of the rim at the foot point, 1/px"""
-    plane: tuple[RealArray, RealArray]
-    """p = y_12/y_3, (m, k) each: the rim is the unit circle"""
+    plane: RealArray
+    """(m, 2, k) p = y_12/y_3: the rim is the unit circle"""
     radius: RealArray
     """(m, k) of p"""
-    across: tuple[RealArray, RealArray]
-    """d p / d px across the rim, outwards"""
-    along: tuple[RealArray, RealArray]
-    """d p / d px along the rim"""
     slope: RealArray
-    """(m, k) change of the radius of p per px across the rim"""
+    """(m, k) change of p per px across the rim, outwards: of its radius"""
+    sideways: RealArray
+    """(m, k) and that around the circle"""
+    turning: RealArray
+    """(m, k) change of p per px along the rim: around the circle alone"""
     doubled: tuple[RealArray, RealArray]
     """cosine and sine, (m, k) each, of twice the direction across the rim in the image"""
 
@@ -102,35 +103,28 @@ def places(bands: Bands, factors: FloatArray) -> Places:
     local = (inverse @ bands.rays.reshape(m, 3, 3 * k)).reshape(m, 3, 3, k)
     per_depth = 1.0 / local[:, 2, 0]
     p = local[:, :2, 0] * per_depth[:, None]
-    # d p / d x and d p / d y of the pixel
-    by_x, by_y = ((local[:, :2, j] - p * local[:, 2:, j]) * per_depth[:, None] for j in (1, 2))
-    p0, p1 = p[:, 0], p[:, 1]
-    radius = np.sqrt(p0 * p0 + p1 * p1)
+    # d p / d pixel: (m, component, x or y, k)
+    by_pixel = p[:, :, None] * local[:, 2:, 1:]
+    np.subtract(local[:, :2, 1:], by_pixel, out=by_pixel)
+    by_pixel *= per_depth[:, None, None]
+    radius = np.sqrt(p[:, 0] * p[:, 0] + p[:, 1] * p[:, 1])
     per_radius = 1.0 / np.maximum(radius, 1e-9)
-    u0, u1 = p0 * per_radius, p1 * per_radius
-    g0, g1 = u0 * by_x[:, 0] + u1 * by_x[:, 1], u0 * by_y[:, 0] + u1 * by_y[:, 1]
-    slope = np.maximum(np.sqrt(g0 * g0 + g1 * g1), 1e-12)
+    u0, u1 = p[:, 0] * per_radius, p[:, 1] * per_radius
+    # Its parts outwards and around the circle, (m, x or y, k) each.
+    outwards = u0[:, None] * by_pixel[:, 0] + u1[:, None] * by_pixel[:, 1]
+    around = u0[:, None] * by_pixel[:, 1] - u1[:, None] * by_pixel[:, 0]
+    slope = np.maximum(np.sqrt(outwards[:, 0] * outwards[:, 0] + outwards[:, 1] * outwards[:, 1]), 1e-12)
     per_slope = 1.0 / slope
-    n0, n1 = g0 * per_slope, g1 * per_slope
-    across = by_x * n0[:, None] + by_y * n1[:, None]
-    along = by_y * n0[:, None] - by_x * n1[:, None]
-    sideways = u0 * across[:, 1] - u1 * across[:, 0]
+    n0, n1 = outwards[:, 0] * per_slope, outwards[:, 1] * per_slope
+    sideways = n0 * around[:, 0] + n1 * around[:, 1]
+    turning = n0 * around[:, 1] - n1 * around[:, 0]
     bend = per_radius * per_slope
     distance = (radius - 1.0) * per_slope
     distance += 0.5 * bend * (sideways * distance) ** 2
-    curvature = (along[:, 0] ** 2 + along[:, 1] ** 2) * bend
+    curvature = turning * turning * bend
     curvature /= np.maximum(1.0 - curvature * distance, _TIGHTEST)
     doubled = (n0 * n0 - n1 * n1, 2.0 * n0 * n1)
-    return Places(
-        distance,
-        curvature,
-        (p0, p1),
-        radius,
-        (across[:, 0], across[:, 1]),
-        (along[:, 0], along[:, 1]),
-        slope,
-        doubled,
-    )
+    return Places(distance, curvature, p, radius, slope, sideways, turning, doubled)
 
 
 def straight(at: Places, blur: FloatArray) -> Share:
@@ -140,12 +134,10 @@ def straight(at: Places, blur: FloatArray) -> Share:
     z = -(at.distance_px + shift) / widths.across
     density, share = normal_share(z)
     by_growth = density / (widths.across * at.slope)
-    p0, p1 = at.plane
-    per_radius = by_growth / np.maximum(at.radius, 1e-9)
     by_parameters = np.empty((len(z), MODES + BLUR, z.shape[1]), z.dtype)
-    by_parameters[:, 0] = by_growth * at.radius
-    by_parameters[:, 1], by_parameters[:, 2] = p0 * per_radius, p1 * per_radius
-    by_parameters[:, 3], by_parameters[:, 4] = (p0 * p0 - p1 * p1) * per_radius, 2.0 * p0 * p1 * per_radius
+    np.multiply(by_growth, at.radius, out=by_parameters[:, 0])
+    by_growth /= np.maximum(at.radius, 1e-9)
+    np.multiply(harmonics(at.plane)[:, 1:], by_growth[:, None], out=by_parameters[:, 1:MODES])
     widths.fill(by_parameters, -density * z, density * (-2.0 * shift / widths.across))
     return Share(share, by_parameters, z, share, widths)
 
@@ -154,9 +146,14 @@ def curved(at: Places, blur: FloatArray) -> Share:
     """As `straight`, for any curvature."""
     widths = _widths(at, blur)
     shape, kind = at.distance_px.shape, at.distance_px.dtype
-    vv = at.across[0] ** 2 + at.across[1] ** 2
     sums = np.zeros((_SUMS, *shape), kind)
-    flat = [each.ravel() for each in (*at.plane, *at.across, *at.along, vv, widths.across, widths.along)]
+    p0, p1 = at.plane[:, 0], at.plane[:, 1]
+    per_radius = 1.0 / np.maximum(at.radius, 1e-9)
+    u0, u1 = p0 * per_radius, p1 * per_radius
+    # d p / d px across the rim, outwards, and along it.
+    v0, v1 = at.slope * u0 - at.sideways * u1, at.slope * u1 + at.sideways * u0
+    t0, t1 = -at.turning * u1, at.turning * u0
+    flat = [each.ravel() for each in (p0, p1, v0, v1, t0, t1, v0 * v0 + v1 * v1, widths.across, widths.along)]
     for line, weight in zip(_LINES.tolist(), _LINE_WEIGHTS.tolist(), strict=True):
         for sign in (1.0, -1.0):
             _add_end(sums.reshape(_SUMS, -1), flat, line, weight, sign)
@@ -202,6 +199,17 @@ def _add_end(sums: RealArray, flat: Sequence[RealArray], line: float, weight: fl
     sums[5] += moved * c1
     sums[6] += moved * (c0 * c0 - c1 * c1)
     sums[7] += moved * (2.0 * c0 * c1)
+
+
+def harmonics(p: RealArray) -> RealArray:
+    """Return the harmonic polynomials (..., 5, k) up to second order of places p (..., 2, k)."""
+    p0, p1 = p[..., 0, :], p[..., 1, :]
+    shapes = np.empty((*p.shape[:-2], SHAPES, p.shape[-1]), p.dtype)
+    shapes[..., 0, :] = 1.0
+    shapes[..., 1:3, :] = p
+    np.subtract(p0 * p0, p1 * p1, out=shapes[..., 3, :])
+    np.multiply(2.0 * p0, p1, out=shapes[..., 4, :])
+    return shapes
 
 
 def normal_share(z: RealArray) -> tuple[RealArray, RealArray]:

@@ -22,13 +22,16 @@ def correlation_of(
     """
     rims, most, parameters = len(matrix), int(numbers.max()), matrix.shape[-1]
     flat = (stretch + most * np.arange(rims)[:, None]).ravel()
-    by_stretch = np.stack(
+    sums = np.stack(
         [np.bincount(flat, scores[:, i].ravel(), rims * most) for i in range(parameters)], axis=-1
     ).reshape(rims, most, parameters)
     inverse = np.linalg.inv(matrix)
     largest = np.ones(rims)
-    for joined, least in _JOINED:
-        sums = sum(np.roll(by_stretch, -shift, axis=1) for shift in range(joined)) if joined > 1 else by_stretch
+    joined = 1
+    for more, least in _JOINED:
+        if more > joined:
+            sums = sums + np.concatenate([sums[:, joined:], sums[:, :joined]], axis=1)
+            joined = more
         total = np.sum((sums @ inverse) * sums, axis=(1, 2)) / joined
         ratio = total / (parameters * variance)
         largest = np.maximum(largest, np.where(ratio > least, ratio, 1.0))

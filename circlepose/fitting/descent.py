@@ -160,5 +160,5 @@ def _after(factors: FloatArray, blur: FloatArray, step: FloatArray) -> tuple[Flo
 def with_prior(matrix: FloatArray, prior: FloatArray) -> FloatArray:
     """Return the information (m, 8, 8) on modes and blurs with the `prior` (m, 3) on the blurs added."""
     matrix = matrix.copy()
-    matrix[:, range(MODES, MODES + BLUR), range(MODES, MODES + BLUR)] += prior
+    matrix[:, MODES:, MODES:] += prior[:, :, None] * np.eye(BLUR)
     return matrix

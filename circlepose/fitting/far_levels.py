@@ -14,7 +14,8 @@ import numpy as np
 
 from circlepose._typing import BoolArray, FloatArray, IntArray
 from circlepose.fitting.band import Beyond
-from circlepose.fitting.blurred_edge import LINEAR, SHAPES, harmonics
+from circlepose.fitting.blurred_edge import LINEAR
+from circlepose.fitting.blurred_share import SHAPES, harmonics
 
 _LEAST_PIXELS = 24
 _MOST_SCATTER = 1.5
@@ -50,7 +51,7 @@ class FarLevels:
         (m, 11, 11), and `variance` (m,) is that of the pixels about their model.
         """
         local = np.linalg.inv(factors).astype(beyond.rays.dtype) @ beyond.rays
-        shapes = harmonics(local[..., 0, :] / local[..., 2, :], local[..., 1, :] / local[..., 2, :])
+        shapes = harmonics(local[..., :2, :] / local[..., 2:, :])
         weighted = shapes * beyond.weight[..., None, :]
         gram = (weighted @ np.swapaxes(shapes, -1, -2)).astype(np.float64)
         right = (weighted @ beyond.levels[..., None])[..., 0].astype(np.float64)

@@ -21,7 +21,7 @@ from circlepose.fitting.unlike import AT_RIM, QUANTIZATION, ZONES, cells_of, unl
 from circlepose.rim_modes import MODES
 
 _ROUNDS = 3
-_FEW_PIXELS = 1200
+_FEW_PIXELS = 800
 """A band several times longer is fitted to about so many of its pixels first."""
 _STRETCH_PX = 8.0
 _STRETCHES = (12, 72)
@@ -29,6 +29,9 @@ _LEAST_PIXELS = 40
 _LEAST_MOTTLED_PX = 80.0
 """Perimeter from which texture is looked for."""
 _WORST_CONDITION = 1e14
+_RIDGE = 1e-12
+_CORRELATED = 1.1
+"""Residuals that go together by more than this may be texture's; by less they do by chance."""
 _SHOWS = 4.0
 """Log likelihood by which levels with texture are to be preferred."""
 _LOOSE_TEXTURE, _TEXTURE_SIZES = 0.1, np.geomspace(1e-3, 0.1, 13)
@@ -145,7 +148,9 @@ def fit_to_levels(
     rim_used = 1.0 - np.array([row[:n, AT_RIM].mean() for row, n in zip(left_out, stretches, strict=True)])
     stretch = (cells // ZONES) % left_out.shape[1]
     told = _told(fit, bands, expected, stretch, stretches, rim_used, stiff)
-    doubtful = told.correlation > 1.0 if far is None else (told.correlation > 1.0) | ~far.goes_on
+    doubtful = told.correlation > _CORRELATED
+    if far is not None:
+        doubtful |= ~far.goes_on
     which = np.flatnonzero(told.converged & doubtful & (perimeter_px > _LEAST_MOTTLED_PX))
     if len(which) == 0:
         return told
@@ -227,7 +232,8 @@ def _told(
     residual = state.residual + (fit.ahead.astype(projected.dtype)[:, None] @ projected)[:, 0]
     variance = _variance(np.einsum("mk,mk->m", residual, residual), bands)
     matrix = with_prior(fit.equations.matrix, variance[:, None] * expected.information)
-    told = (np.sum(bands.weight, axis=1) >= _LEAST_PIXELS) & (np.linalg.cond(matrix) < _WORST_CONDITION)
+    spread = np.linalg.eigvalsh(matrix)
+    told = (np.sum(bands.weight, axis=1) >= _LEAST_PIXELS) & (spread[:, -1] < _WORST_CONDITION * spread[:, 0])
     matrix = np.where(told[:, None, None], matrix, np.eye(MODES + BLUR))
     correlation = correlation_of(projected * residual[:, None], stretch, stretches, matrix, variance)
     covariance = np.linalg.inv(matrix) * variance[:, None, None]
@@ -249,7 +255,10 @@ def _told(
 def _levels_ahead(state: Levels, prior: FloatArray, variance: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the levels (m, l) where the next step leads, and their covariance (m, l, l), the rim unknown."""
     equations = state.normal_equations()
-    inverse = np.linalg.pinv(with_prior(equations.matrix, prior), hermitian=True)
+    matrix = with_prior(equations.matrix, prior)
+    # Of a rim that has no pixels nothing is known.
+    ridge = _RIDGE * np.trace(matrix, axis1=1, axis2=2) + _RIDGE
+    inverse = np.linalg.inv(matrix + ridge[:, None, None] * np.eye(matrix.shape[1]))
     change = equations.made_up @ (inverse @ equations.gradient[..., None])
     covariance = np.linalg.inv(state.gram) + equations.made_up @ inverse @ equations.made_up.transpose(0, 2, 1)
     return state.levels + change[..., 0], covariance * variance[:, None, None]

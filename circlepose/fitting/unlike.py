@@ -21,7 +21,7 @@ _LEAST_IN_CELL = 4
 
 def cells_of(at: Places, sigma_px: FloatArray, stretches: IntArray, shape: tuple[int, int, int]) -> IntArray:
     """Return (m, k) the cell that each pixel lies in, as an index into (m, stretches, zones) laid flat."""
-    turn = np.arctan2(at.plane[1], at.plane[0]) / (2.0 * np.pi) + 0.5
+    turn = np.arctan2(at.plane[:, 1], at.plane[:, 0]) / (2.0 * np.pi) + 0.5
     stretch = np.minimum((turn * stretches[:, None]).astype(np.int64), stretches[:, None] - 1)
     far = np.abs(at.distance_px) > _ZONE_SIGMA * sigma_px[:, None]
     zone = np.where(far, np.where(at.distance_px < 0.0, 0, 2), AT_RIM)
@@ -58,5 +58,6 @@ def _medians(mean: FloatArray, counted: BoolArray) -> FloatArray:
     """Return the median (m, zones) over the stretches of `mean` (m, stretches, zones) that are `counted`."""
     ordered = np.sort(np.where(counted, mean, np.inf), axis=1)
     number = np.sum(counted, axis=1)
-    middle = np.take_along_axis(ordered, np.maximum(number - 1, 0)[:, None] // 2, axis=1)[:, 0]
+    rims, zones = np.ix_(*map(np.arange, number.shape))
+    middle = ordered[rims, np.maximum(number - 1, 0) // 2, zones]
     return np.where(number > 0, middle, 0.0)

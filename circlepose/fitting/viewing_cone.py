@@ -12,7 +12,7 @@ from typing import Self
 
 import numpy as np
 
-from circlepose._typing import BoolArray, FloatArray
+from circlepose._typing import BoolArray, FloatArray, IntArray
 from circlepose.camera import Camera
 from circlepose.cone import plane_basis
 from circlepose.conic import Ellipse
@@ -92,36 +92,55 @@ def fit_cone_to(seen: SeenPoints, weights: FloatArray | None = None) -> ConeFit 
 
 
 def factor_from_ellipse(camera: Camera, ellipse: Ellipse) -> FloatArray | None:
-    """Return the factor (3, 3) of the cone through an ellipse of the raw image; also of a segment.
+    """Return the factor (3, 3) of the cone through one ellipse of the raw image, see `factors_from_ellipses`.
 
-    Exact without distortion; with it, the lens is taken as linear over the ellipse, so keep to small ones.
     None outside the lens model's valid field.
     """
-    factor = ellipse.factor
-    ends = np.stack([factor[:2, 2] + sign * factor[:2, axis] for axis in (0, 1) for sign in (1.0, -1.0)])
+    factors, seen = factors_from_ellipses(camera, ellipse[None])
+    return factors[0] if seen[0] else None
+
+
+def factors_from_ellipses(camera: Camera, ellipses: Ellipse) -> tuple[FloatArray, BoolArray]:
+    """Return the factors (m, 3, 3) of the cones through ellipses (m,) of the raw image, or segments.
+
+    Exact without distortion; with it, the lens is taken as linear over the ellipse, so keep to small ones. Also tells
+    (m,) which lie in the lens model's valid field; the others have no factor to speak of.
+    """
+    factor = ellipses.factor[:, :2]
+    middle = factor[:, :, 2]
+    ends = np.stack([middle + sign * factor[:, :, axis] for axis in (0, 1) for sign in (1.0, -1.0)], axis=1)
     rays = camera.rays(ends)
-    if not np.all(np.isfinite(rays)):
-        return None
-    if np.all(rays[:, 2] > _FORWARD):
-        turn = np.eye(3)
-    else:
-        axis = rays.sum(axis=0)
-        axis = axis / np.linalg.norm(axis)
-        turn = np.stack([*plane_basis(axis), axis])
-    plane = rays @ turn.T
-    plane = plane / plane[:, 2:]
-    columns = [(plane[0] - plane[1]) / 2.0, (plane[2] - plane[3]) / 2.0, plane.mean(axis=0)]
-    return np.asarray(turn.T @ np.stack(columns, axis=-1))
+    seen = np.isfinite(rays).all(axis=(1, 2))
+    rays[~seen] = np.array([0.0, 0.0, 1.0])
+    turn = np.broadcast_to(np.eye(3), (len(rays), 3, 3))
+    sideways = ~(rays[..., 2] > _FORWARD).all(axis=1)
+    if sideways.any():
+        axis = rays.sum(axis=1)
+        axis = axis / np.linalg.norm(axis, axis=-1, keepdims=True)
+        turn = np.where(sideways[:, None, None], np.stack([*plane_basis(axis), axis], axis=1), turn)
+        rays = rays @ np.swapaxes(turn, 1, 2)
+    plane = rays / rays[..., 2:]
+    columns = [(plane[:, 0] - plane[:, 1]) / 2.0, (plane[:, 2] - plane[:, 3]) / 2.0, plane.mean(axis=1)]
+    found = np.stack(columns, axis=-1)
+    return np.swapaxes(turn, 1, 2) @ found if sideways.any() else found, seen
 
 
 def rim_distance_px(factor: FloatArray, rays: FloatArray, jacobians: FloatArray) -> FloatArray:
     """Return the first-order signed distance (n,), in px, of `rays` (n, 3) to a cone's rim, positive outside.
 
-    With `jacobians` (n, 3, 2) = d ray / d pixel, and one `factor` (3, 3) for all rays or one for each (n, 3, 3). The
-    cone's function is taken as |y_12|/y_3 - 1 in the factor's own coordinates y = A^-1 x, in which the rim is a unit
-    circle: nearly linear across the rim, so first order goes a long way.
+    With the cone's `factor` (3, 3) and `jacobians` (n, 3, 2) = d ray / d pixel. The cone's function is taken as
+    |y_12|/y_3 - 1 in the factor's own coordinates y = A^-1 x, in which the rim is a unit circle: nearly linear across
+    the rim, so first order goes a long way.
     """
-    inverse = np.linalg.inv(factor)
+    return _distance_px(np.linalg.inv(factor), rays, jacobians)
+
+
+def rim_distances_px(factors: FloatArray, owner: IntArray, rays: FloatArray, jacobians: FloatArray) -> FloatArray:
+    """As `rim_distance_px`, each ray to the cone of its `owner` (n,) among those with `factors` (m, 3, 3)."""
+    return _distance_px(np.linalg.inv(factors)[owner], rays, jacobians)
+
+
+def _distance_px(inverse: FloatArray, rays: FloatArray, jacobians: FloatArray) -> FloatArray:
     y = (inverse @ rays[:, :, None])[..., 0]
     slopes = inverse @ jacobians
     radius = np.hypot(y[:, 0], y[:, 1])

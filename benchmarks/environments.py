@@ -1,0 +1,60 @@
+"""Packages that are compared with, each in a virtual environment of its own, which is thrown away afterwards.
+
+They are told images as .npy files in a folder and answer in JSON: for each image a list of rows that start with the
+time taken in ms.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+EDGE_DRAWING = "opencv-contrib-python-headless==5.0.0.93"
+NAPA_VISION = "napa-vision[headless]==0.4.1"
+PYE3D = "pye3d==0.3.2"
+RINGGRID = "ringgrid==0.13.1"
+SCIKIT_IMAGE = "scikit-image==0.26.0"
+_BESIDE = Path(__file__).resolve().parent
+Rows = list[list[list[float]]]
+"""by image, by what was found on it"""
+
+
+class NotInstalledError(Exception):
+    """pip does not get a package."""
+
+
+@contextmanager
+def environment(requirement: str) -> Iterator[str]:
+    """Make an environment with `requirement`, and give its interpreter; it is removed at the end."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name) / "environment"
+        subprocess.run([sys.executable, "-m", "venv", folder], check=True)
+        python = str(folder / ("Scripts" if sys.platform == "win32" else "bin") / "python")
+        install = [python, "-m", "pip", "install", "--quiet", requirement]
+        if subprocess.run(install, capture_output=True, check=False).returncode != 0:
+            raise NotInstalledError(f"{requirement} is left out: pip cannot install it here.")
+        yield python
+
+
+def answers(
+    python: str, script: str, way: str, arrays: Sequence[np.ndarray], options: Mapping[str, Any] | None = None
+) -> Rows:
+    """Run a script of this folder by another interpreter on `arrays`."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        for number, array in enumerate(arrays):
+            np.save(folder / f"{number:04d}.npy", array)
+        (folder / "options.json").write_text(json.dumps(options or {}))
+        # Isolated: our own packages and modules are not to be found from there.
+        done = subprocess.run(
+            [python, "-I", _BESIDE / script, way, folder], capture_output=True, text=True, check=True
+        )
+    return json.loads(done.stdout)
