@@ -57,4 +57,5 @@ def answers(
         done = subprocess.run(
             [python, "-I", _BESIDE / script, way, folder], capture_output=True, text=True, check=True
         )
-    return json.loads(done.stdout)
+    rows: Rows = json.loads(done.stdout)
+    return rows

@@ -10,8 +10,8 @@ better one.
 - scikit-image `find_contours`, at the true level midway between dark and light.
 - OpenCV contrib `EdgeDrawing.detectEllipses`.
 - pye3d `unproject_ellipse`, from the ellipse of scikit-image's contour.
-- ringgrid `detect_adaptive`, which looks for rings: on the discs, with the true diameter told, and on a board of 4 x 3
-  rings without code, the layout told, beside ours on the same board.
+- ringgrid `detect_adaptive`, which looks for rings: on the discs, with the true diameter told, and on boards of 4 x 3
+  rings without code, the layout told, beside ours on the same boards.
 - napa-vision, which reads tags: a 36h11 tag as wide as the disc, in the disc's pose, turned in its plane at random;
   only where all of the tag is in the image. The row before it is ours on the discs of these views.
 """
@@ -21,11 +21,23 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import groupby
+from typing import TypeVar
 
 import numpy as np
+from environments import (
+    EDGE_DRAWING,
+    NAPA_VISION,
+    PYE3D,
+    RINGGRID,
+    SCIKIT_IMAGE,
+    NotInstalledError,
+    Rows,
+    answers,
+    environment,
+)
 
 import circlepose
 from accuracy import SEED
@@ -39,17 +51,6 @@ from circlepose.solvers.solve import solve
 from circlepose.synthesis.disc_sets import RADIUS_MM, disc_views
 from circlepose.synthesis.render import render
 from circlepose.synthesis.scene import Box, Circle, Disc, Paint, Patch, Plane, Rings, Scene
-from environments import (
-    EDGE_DRAWING,
-    NAPA_VISION,
-    PYE3D,
-    RINGGRID,
-    SCIKIT_IMAGE,
-    NotInstalledError,
-    Rows,
-    answers,
-    environment,
-)
 
 MIDWAY = 120.0
 DARK, LIGHT = Paint(40.0), Paint(200.0)
@@ -59,6 +60,7 @@ QUIET = 1.25
 """side of the tag with its white border, over its own"""
 Poses = Sequence[tuple[FloatArray, FloatArray]]
 """candidates: centre (3,) mm and normal (3,)"""
+Answer = TypeVar("Answer")
 
 
 def disc_of(scene: Scene) -> Disc:
@@ -117,7 +119,12 @@ def nearest_ellipse(found: Sequence[Sequence[float]], true: Ellipse) -> Ellipse 
     """Return that of the ellipses (centre, semi-axes, angle) that is nearest; a ring's other rim is not it."""
     ellipses = [Ellipse.from_axes(e[:2], e[2:4], e[4]) for e in found if min(e[2:4]) > 0.0]
     best = min(ellipses, key=lambda ellipse: distance(ellipse, true), default=None)
-    return None if best is None or distance(best, true) > true.semi_major else best
+    return best if best is not None and is_same(distance(best, true), true) else None
+
+
+def is_same(off: float, true: Ellipse) -> bool:
+    """Tell whether an ellipse so far off is still that rim, rather than another one or clutter."""
+    return off < 0.5 * float(true.semi_major)
 
 
 def ours(image: Image, scene: Scene) -> Poses:
@@ -132,15 +139,14 @@ def ours_on_board(image: Image, scene: Scene) -> list[Poses]:
     poses: list[Poses] = []
     for ring in scene.targets:
         true = true_ellipse(scene.camera, ring.circles[0])
-        off = {k: distance(c.ellipse, true) for k, c in enumerate(result.circles) if c.ellipse is not None}
-        best = min(off, key=lambda k: off[k], default=None)
-        near = best is not None and off[best] < 0.25 * true.semi_major
-        poses.append([(c.center, c.normal) for c in result.circles[best].candidates] if near else ())
+        near = [(distance(c.ellipse, true), c.candidates) for c in result.circles if c.ellipse is not None]
+        off, candidates = min(near, key=lambda each: each[0], default=(np.inf, ()))
+        poses.append([(c.center, c.normal) for c in candidates] if is_same(off, true) else ())
     return poses
 
 
 def board_views(number: int) -> list[Scene]:
-    """Return views of a board of dark rings on white, 500 to 1000 mm away, tilted up to 60 deg."""
+    """Return views of a board of dark rings on white, 24 to 48 px across, tilted up to 60 deg."""
     camera = next(disc_views("lo", 1, SEED)).camera
     columns, rows = np.arange(COLUMNS) - (COLUMNS - 1) / 2.0, np.arange(ROWS) - (ROWS - 1) / 2.0
     scenes = []
@@ -150,18 +156,20 @@ def board_views(number: int) -> list[Scene]:
         ray = np.array([*(0.1 * (generator.random(2) - 0.5)), 1.0])
         first, second = plane_basis(ray / np.linalg.norm(ray))
         normal = -np.cos(tilt) * ray + np.sin(tilt) * (np.cos(azimuth) * first + np.sin(azimuth) * second)
-        plane = Plane.create((500.0 + 500.0 * generator.random()) * ray, normal)
+        plane = Plane.create((1000.0 + 1000.0 * generator.random()) * ray, normal)
         centers = [plane.point((PITCH_MM * x, PITCH_MM * y)) for y in rows for x in columns]
         rings = tuple(Rings(center, plane.normal, (OUTER_MM, INNER_MM), (DARK, LIGHT)) for center in centers)
         scenes.append(
-            Scene(camera, rings, LIGHT, noise_levels=2.0, noise_seed=int(generator.random() * 2.0**32), name=f"{view}")
+            Scene(
+                camera, rings, LIGHT, noise_levels=2.0, noise_seed=int(generator.random() * 2.0**32), name=f"{view}"
+            )
         )
     return scenes
 
 
 def tag_view(scene: Scene, cells: FloatArray) -> Scene | None:
     """Return the view with a tag instead of its disc, or None where the image does not hold it."""
-    disc, number = disc_of(scene), len(cells)
+    disc = disc_of(scene)
     turn = 2.0 * np.pi * np.random.Generator(np.random.PCG64([SEED, scene.noise_seed])).random()
     first, second = plane_basis(disc.normal)
     plane = Plane.create(disc.center_mm, disc.normal, np.cos(turn) * first + np.sin(turn) * second)
@@ -170,15 +178,28 @@ def tag_view(scene: Scene, cells: FloatArray) -> Scene | None:
     seen = scene.camera.project(np.array(corners))
     if not np.all((seen >= 0.0) & (seen <= np.array(scene.image_size) - 1.0)):
         return None
-    side = 2.0 * RADIUS_MM / number
-    # Runs along the rows and along the columns: where two of the ones meet, one of the others covers the seam.
-    boxes = [Box((2.0 * RADIUS_MM, 2.0 * RADIUS_MM))]
-    middle = number / 2.0
-    boxes += [Box((n * side, side), ((at + n / 2 - middle) * side, (k + 0.5 - middle) * side)) for k, at, n in runs(cells)]
-    boxes += [Box((side, n * side), ((k + 0.5 - middle) * side, (at + n / 2 - middle) * side)) for k, at, n in runs(cells.T)]
+    boxes = [Box((2.0 * RADIUS_MM, 2.0 * RADIUS_MM)), *white_boxes(cells)]
     paints = [DARK, *[LIGHT] * (len(boxes) - 1)]
     shapes = tuple(Patch(box, paint, plane) for box, paint in zip(boxes, paints, strict=True))
     return replace(scene, targets=(), shapes=shapes)
+
+
+def white_boxes(cells: FloatArray) -> list[Box]:
+    """Return the white parts of a tag: runs of cells along the rows and along the columns.
+
+    Where two of the ones meet, one of the others covers the seam.
+    """
+    side, middle = 2.0 * RADIUS_MM / len(cells), len(cells) / 2.0
+    boxes = []
+    for across, first, length in runs(cells):
+        boxes.append(
+            Box((length * side, side), ((first + length / 2.0 - middle) * side, (across + 0.5 - middle) * side))
+        )
+    for column, first, length in runs(cells.T):
+        boxes.append(
+            Box((side, length * side), ((column + 0.5 - middle) * side, (first + length / 2.0 - middle) * side))
+        )
+    return boxes
 
 
 def runs(cells: FloatArray) -> list[tuple[int, int, int]]:
@@ -210,7 +231,9 @@ def row(label: str, truth: Sequence[Circle], poses: Sequence[Poses], millisecond
     return f"| {label} | {len(position)}/{len(truth)} | {p[0]:.3f} / {p[1]:.3f} | {q[0]:.4f} / {q[1]:.3f} | {taken} |"
 
 
-def timed(way: Callable[[Image, Scene], Poses | list[Poses]], images: Sequence[Image], scenes: Sequence[Scene]):
+def timed(
+    way: Callable[[Image, Scene], Answer], images: Sequence[Image], scenes: Sequence[Scene]
+) -> tuple[list[Answer], list[float]]:
     """Return what a way of ours answers, and its times in ms."""
     found, milliseconds = [], []
     for image, scene in zip(images, scenes, strict=True):
@@ -247,7 +270,7 @@ def on_discs(views: int) -> None:
         unprojected = [[(np.array(c[1:4]), np.array(c[4:])) for c in rows] for rows in found]
         print(row("discs: scikit-image find_contours, pye3d unproject_ellipse", circles, unprojected, []), flush=True)
 
-    def with_cone(label: str, requirement: str, script: str, way: str, options: dict[str, object]) -> None:
+    def with_cone(label: str, requirement: str, script: str, way: str, options: Mapping[str, object]) -> None:
         with environment(requirement) as python:
             found = answers(python, script, way, images, options)
         nearest = [nearest_ellipse([e[1:] for e in rows], true) for rows, true in zip(found, ellipses, strict=True)]

@@ -13,6 +13,7 @@ import numpy as np
 from circlepose import lens
 from circlepose._typing import FloatArray, frozen
 from circlepose.cone import factor_from_circle
+from circlepose.conic import unit_circle
 from circlepose.errors import CalibrationError
 
 LensModel = Literal["pinhole", "fisheye"]
@@ -114,7 +115,7 @@ class Camera:
         return rays, transposed @ adjugate / (a * d - b * b)[..., None, None]
 
     def sights(self, pixels: FloatArray) -> FloatArray:
-        """Return (3, 3, ...) the rays of `pixels` (..., 2), of any length, and their derivatives to the pixel's x and y.
+        """Return (3, 3, ...) the rays of `pixels` (..., 2), of any length, and their slopes in the pixel's x and y.
 
         The first index is the ray's component, the second what it is of. NaN outside the lens model.
         """
@@ -176,8 +177,7 @@ class Camera:
 
 def circle_points(center: FloatArray, normal: FloatArray, radius: float, number: int = 360) -> FloatArray:
     """Return `number` rim points (..., number, 3) of circles with `center` and `normal` (..., 3), in mm."""
-    angle = np.linspace(0.0, 2.0 * np.pi, number, endpoint=False)
-    unit = np.stack([np.cos(angle), np.sin(angle), np.ones(number)], axis=-1)
+    unit = np.stack([*unit_circle(number), np.ones(number)], axis=-1)
     return np.einsum("...ij,kj->...ki", factor_from_circle(center, normal, radius), unit)
 
 

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from functools import lru_cache
 from typing import Any, Self
 
 import numpy as np
 
-from circlepose._typing import BoolArray, FloatArray
+from circlepose._typing import BoolArray, FloatArray, frozen
 from circlepose.errors import ArgumentError
 from circlepose.vectors import cross
 
@@ -126,14 +127,20 @@ class Ellipse:
 
     def points(self, number: int = 180) -> FloatArray:
         """Return `number` points of the rim, shape (..., number, 2), evenly spaced in the eccentric angle."""
-        eccentric = np.linspace(0.0, 2.0 * np.pi, number, endpoint=False)
-        along = np.cos(eccentric) * self.semi_major[..., None]
-        across = np.sin(eccentric) * self.semi_minor[..., None]
+        unit_x, unit_y = unit_circle(number)
+        along, across = unit_x * self.semi_major[..., None], unit_y * self.semi_minor[..., None]
         cos, sin = np.cos(self.angle)[..., None], np.sin(self.angle)[..., None]
         points = np.empty((*along.shape, 2))
         points[..., 0] = self.center[..., :1] + cos * along - sin * across
         points[..., 1] = self.center[..., 1:] + sin * along + cos * across
         return points
+
+
+@lru_cache(maxsize=64)
+def unit_circle(number: int) -> FloatArray:
+    """Return x and y (2, number) of points evenly spaced on the unit circle, from (1, 0) towards the y axis."""
+    angle = np.linspace(0.0, 2.0 * np.pi, number, endpoint=False)
+    return frozen([np.cos(angle), np.sin(angle)])
 
 
 def joined_ellipses(batches: Sequence[Ellipse]) -> Ellipse:

@@ -10,7 +10,7 @@ import numpy as np
 from circlepose._typing import BoolArray, FloatArray, Image
 from circlepose.camera import Camera
 from circlepose.cone import SIGNATURE
-from circlepose.conic import Ellipse
+from circlepose.conic import Ellipse, unit_circle
 from circlepose.extraction.contour import Contour
 from circlepose.extraction.rim import contour_normals, locate_edges
 from circlepose.fitting.consensus import local_scatter, on_one_ellipse
@@ -100,8 +100,8 @@ def fit_rims(
     """
     starts: dict[int, Rim] = {}
     if refine and are_starts:
-        whole = [i for i, contour in enumerate(contours) if contour.rim_used > _FULL_RIM]
-        starts = dict(zip(whole, _rims_to_start_at(camera, [contours[i] for i in whole]), strict=True))
+        may = [i for i, each in enumerate(contours) if each.rim_used > _FULL_RIM and not are_thin(each.ellipse)]
+        starts = dict(zip(may, _rims_to_start_at(camera, [contours[i] for i in may]), strict=True))
     for i, contour in enumerate(contours):
         yield fit_rim(levels, camera, contour, refine=refine, start=starts.get(i))
 
@@ -130,7 +130,7 @@ def fit_rim(
 
 
 def _rims_to_start_at(camera: Camera, contours: Sequence[Contour]) -> list[Rim]:
-    """Return the rims of the cones through the contours' own ellipses: exact without distortion, or for small ones."""
+    """Return the rims of the cones through the contours' own ellipses: exact without distortion, good if small."""
     if not contours:
         return []
     factors, _ = factors_from_ellipses(camera, Ellipse.batch([contour.ellipse for contour in contours]))
@@ -297,6 +297,5 @@ def _axis_error_px(fit: ConeFit, number: int) -> float:
 
 def rim_pixels(camera: Camera, factor: FloatArray, number: int) -> FloatArray:
     """Return `number` pixels (..., number, 2) of the rim of the cone with `factor` (..., 3, 3); NaN where unseen."""
-    angle = np.linspace(0.0, 2.0 * np.pi, number, endpoint=False)
-    unit = np.stack([np.cos(angle), np.sin(angle), np.ones(number)], axis=-1)
+    unit = np.stack([*unit_circle(number), np.ones(number)], axis=-1)
     return camera.project(unit @ np.swapaxes(factor, -1, -2))

@@ -77,7 +77,7 @@ def find_contours(
     line would be one.
     """
     levels = grey if grey.dtype == np.uint8 else grey.astype(np.float32)
-    range_ = float(np.ptp(levels[::8, ::8]))
+    range_ = float(np.ptp(levels[::8]))
     slivers_wanted = intervals.minor_px is not None and intervals.minor_px[0] < 2.0 * THIN_PX
     rejected: Counter[Rejection] = Counter()
     found: Candidates | None = None

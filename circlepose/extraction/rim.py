@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from circlepose._typing import BoolArray, FloatArray, Image
-from circlepose.conic import Ellipse
+from circlepose.conic import Ellipse, unit_circle
 
 _STEP_PX = 0.5
 _DIFFERENCE_VARIANCE = 1.0 / 12.0
@@ -49,9 +49,8 @@ class RimEdges:
 
 
 def ellipse_rim(ellipse: Ellipse, number: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return rim points (m, number, 2) of m ellipses, and the outward unit normals and curvature (m, number) there."""
-    eccentric = np.linspace(0.0, 2.0 * np.pi, number, endpoint=False)
-    unit_x, unit_y = np.cos(eccentric), np.sin(eccentric)
+    """Return rim points (m, number, 2) of m ellipses, their outward unit normals, and their curvature (m, number)."""
+    unit_x, unit_y = unit_circle(number)
     a, b = ellipse.semi_major[:, None], ellipse.semi_minor[:, None]
     cos, sin = np.cos(ellipse.angle)[:, None], np.sin(ellipse.angle)[:, None]
     normal_x, normal_y = b * unit_x, a * unit_y

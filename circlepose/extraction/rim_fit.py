@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from circlepose._typing import BoolArray, FloatArray
-from circlepose.conic import Ellipse, wrap_half_turn
+from circlepose.conic import Ellipse, unit_circle, wrap_half_turn
 
 _ROUNDS = 3
 _SCALES = (0.1, 1.0)
@@ -27,8 +27,7 @@ def fit_offsets(ellipse: Ellipse, offsets: FloatArray, valid: BoolArray) -> tupl
     those that stand apart from the others little.
     """
     places = offsets.shape[1]
-    eccentric = np.linspace(0.0, 2.0 * np.pi, places, endpoint=False)
-    cos, sin = np.cos(eccentric), np.sin(eccentric)
+    cos, sin = unit_circle(places)
     a, b = ellipse.semi_major[:, None], ellipse.semi_minor[:, None]
     normal_x, normal_y = b * cos, a * sin
     per_norm = 1.0 / np.maximum(np.sqrt(normal_x * normal_x + normal_y * normal_y), 1e-12)
@@ -51,7 +50,7 @@ def fit_offsets(ellipse: Ellipse, offsets: FloatArray, valid: BoolArray) -> tupl
         scale = np.clip(1.5 * ordered[rows, median], *_SCALES)[:, None]
         weights = 1.0 + (left / scale) ** 2
         weights = valid / (weights * weights)
-    return _moved(ellipse, move[..., 0]), left
+    return _moved(ellipse, np.asarray(move[..., 0])), left
 
 
 def _moved(ellipse: Ellipse, move: FloatArray) -> Ellipse:

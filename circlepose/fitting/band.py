@@ -9,7 +9,7 @@ import numpy as np
 
 from circlepose._typing import BoolArray, FloatArray, Image, IntArray, RealArray
 from circlepose.camera import Camera
-from circlepose.conic import Ellipse
+from circlepose.conic import Ellipse, unit_circle
 
 _BEYOND_PX = np.arange(1.0, 12.5, 1.5)
 """What is looked at beyond a band, from its border."""
@@ -115,9 +115,9 @@ def _on_ellipses(rims: Ellipse, axes: FloatArray, number: int) -> tuple[RealArra
 
     The ellipses, turned as the rim, have other `axes` (..., m, r, 2).
     """
-    angle = np.linspace(0.0, 2.0 * np.pi, number, endpoint=False, dtype=np.float32)
+    unit_x, unit_y = unit_circle(number).astype(np.float32)
     lengths = axes.astype(np.float32)[..., None, :]
-    along, across = lengths[..., 0] * np.cos(angle), lengths[..., 1] * np.sin(angle)
+    along, across = lengths[..., 0] * unit_x, lengths[..., 1] * unit_y
     cos, sin, x, y = (
         each.astype(np.float32)[:, None, None] for each in (np.cos(rims.angle), np.sin(rims.angle), *rims.center.T)
     )

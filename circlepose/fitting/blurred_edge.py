@@ -21,7 +21,7 @@ import numpy as np
 
 from circlepose._typing import FloatArray, RealArray
 from circlepose.fitting.band import Bands
-from circlepose.fitting.blurred_share import SHAPES, Places, Share, harmonics, normal_share
+from circlepose.fitting.blurred_share import SHAPES, Places, Share, normal_share
 
 LINEAR = 11
 """Levels in all: harmonic polynomials inside and outside, and the term beside a Gaussian."""
@@ -132,7 +132,7 @@ class Columns:
     def of(cls, bands: Bands, at: Places, share: Share, *, textured: bool = False) -> Self:
         """Return those of the pixels of `bands`, `at` their places, with their `share`."""
         z = share.z
-        shapes = texture_shapes(at) if textured else harmonics(at.plane)
+        shapes = texture_shapes(at) if textured else at.shapes
         number = shapes.shape[1]
         # A multiple of four rows, which products of matrices like; what was measured among them, as the right side.
         columns = np.empty((len(z), 2 * number + 2, z.shape[1]), z.dtype)
@@ -199,9 +199,9 @@ def texture_shapes(at: Places) -> RealArray:
 
     That is what a level that varies on the scale of the band or more does within it, to first order.
     """
-    p0, p1 = at.plane[:, 0], at.plane[:, 1]
+    p0, p1 = at.plane
     shapes = np.empty((len(p0), SHAPES + TEXTURES, p0.shape[1]), p0.dtype)
-    shapes[:, :SHAPES] = harmonics(at.plane)
+    shapes[:, :SHAPES] = at.shapes
     per_radius = 1.0 / np.maximum(at.radius, 1e-6)
     u0, u1 = p0 * per_radius, p1 * per_radius
     slope = at.distance_px * (1.0 / _BAND_PX)

@@ -47,8 +47,8 @@ class Places:
     """(m, k) positive outside, to second order"""
     curvature: RealArray
     """(m, k) of the rim at the foot point, 1/px"""
-    plane: RealArray
-    """(m, 2, k) p = y_12/y_3: the rim is the unit circle"""
+    shapes: RealArray
+    """(m, 5, k) `harmonics` of p = y_12/y_3: the rim is the unit circle"""
     radius: RealArray
     """(m, k) of p"""
     slope: RealArray
@@ -59,6 +59,11 @@ class Places:
     """(m, k) change of p per px along the rim: around the circle alone"""
     doubled: tuple[RealArray, RealArray]
     """cosine and sine, (m, k) each, of twice the direction across the rim in the image"""
+
+    @property
+    def plane(self) -> tuple[RealArray, RealArray]:
+        """The two components of p, (m, k) each."""
+        return self.shapes[:, 1], self.shapes[:, 2]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -124,7 +129,7 @@ def places(bands: Bands, factors: FloatArray) -> Places:
     curvature = turning * turning * bend
     curvature /= np.maximum(1.0 - curvature * distance, _TIGHTEST)
     doubled = (n0 * n0 - n1 * n1, 2.0 * n0 * n1)
-    return Places(distance, curvature, p, radius, slope, sideways, turning, doubled)
+    return Places(distance, curvature, harmonics(p), radius, slope, sideways, turning, doubled)
 
 
 def straight(at: Places, blur: FloatArray) -> Share:
@@ -137,7 +142,7 @@ def straight(at: Places, blur: FloatArray) -> Share:
     by_parameters = np.empty((len(z), MODES + BLUR, z.shape[1]), z.dtype)
     np.multiply(by_growth, at.radius, out=by_parameters[:, 0])
     by_growth /= np.maximum(at.radius, 1e-9)
-    np.multiply(harmonics(at.plane)[:, 1:], by_growth[:, None], out=by_parameters[:, 1:MODES])
+    np.multiply(at.shapes[:, 1:], by_growth[:, None], out=by_parameters[:, 1:MODES])
     widths.fill(by_parameters, -density * z, density * (-2.0 * shift / widths.across))
     return Share(share, by_parameters, z, share, widths)
 
@@ -147,7 +152,7 @@ def curved(at: Places, blur: FloatArray) -> Share:
     widths = _widths(at, blur)
     shape, kind = at.distance_px.shape, at.distance_px.dtype
     sums = np.zeros((_SUMS, *shape), kind)
-    p0, p1 = at.plane[:, 0], at.plane[:, 1]
+    p0, p1 = at.plane
     per_radius = 1.0 / np.maximum(at.radius, 1e-9)
     u0, u1 = p0 * per_radius, p1 * per_radius
     # d p / d px across the rim, outwards, and along it.

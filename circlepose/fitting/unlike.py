@@ -21,7 +21,7 @@ _LEAST_IN_CELL = 4
 
 def cells_of(at: Places, sigma_px: FloatArray, stretches: IntArray, shape: tuple[int, int, int]) -> IntArray:
     """Return (m, k) the cell that each pixel lies in, as an index into (m, stretches, zones) laid flat."""
-    turn = np.arctan2(at.plane[:, 1], at.plane[:, 0]) / (2.0 * np.pi) + 0.5
+    turn = np.arctan2(at.plane[1], at.plane[0]) / (2.0 * np.pi) + 0.5
     stretch = np.minimum((turn * stretches[:, None]).astype(np.int64), stretches[:, None] - 1)
     far = np.abs(at.distance_px) > _ZONE_SIGMA * sigma_px[:, None]
     zone = np.where(far, np.where(at.distance_px < 0.0, 0, 2), AT_RIM)

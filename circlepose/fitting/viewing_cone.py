@@ -104,16 +104,16 @@ def factors_from_ellipses(camera: Camera, ellipses: Ellipse) -> tuple[FloatArray
     """Return the factors (m, 3, 3) of the cones through ellipses (m,) of the raw image, or segments.
 
     Exact without distortion; with it, the lens is taken as linear over the ellipse, so keep to small ones. Also tells
-    (m,) which lie in the lens model's valid field; the others have no factor to speak of.
+    (m,) which lie in the lens model's valid field; of the others the factor is that of no ellipse.
     """
     factor = ellipses.factor[:, :2]
     middle = factor[:, :, 2]
     ends = np.stack([middle + sign * factor[:, :, axis] for axis in (0, 1) for sign in (1.0, -1.0)], axis=1)
     rays = camera.rays(ends)
-    seen = np.isfinite(rays).all(axis=(1, 2))
+    seen = np.asarray(np.isfinite(rays).all(axis=(1, 2)))
     rays[~seen] = np.array([0.0, 0.0, 1.0])
     turn = np.broadcast_to(np.eye(3), (len(rays), 3, 3))
-    sideways = ~(rays[..., 2] > _FORWARD).all(axis=1)
+    sideways = np.any(rays[..., 2] <= _FORWARD, axis=1)
     if sideways.any():
         axis = rays.sum(axis=1)
         axis = axis / np.linalg.norm(axis, axis=-1, keepdims=True)
@@ -122,7 +122,10 @@ def factors_from_ellipses(camera: Camera, ellipses: Ellipse) -> tuple[FloatArray
     plane = rays / rays[..., 2:]
     columns = [(plane[:, 0] - plane[:, 1]) / 2.0, (plane[:, 2] - plane[:, 3]) / 2.0, plane.mean(axis=1)]
     found = np.stack(columns, axis=-1)
-    return np.swapaxes(turn, 1, 2) @ found if sideways.any() else found, seen
+    if sideways.any():
+        found = np.swapaxes(turn, 1, 2) @ found
+    found[~seen] = np.eye(3)
+    return found, seen
 
 
 def rim_distance_px(factor: FloatArray, rays: FloatArray, jacobians: FloatArray) -> FloatArray:
@@ -132,12 +135,12 @@ def rim_distance_px(factor: FloatArray, rays: FloatArray, jacobians: FloatArray)
     |y_12|/y_3 - 1 in the factor's own coordinates y = A^-1 x, in which the rim is a unit circle: nearly linear across
     the rim, so first order goes a long way.
     """
-    return _distance_px(np.linalg.inv(factor), rays, jacobians)
+    return _distance_px(np.asarray(np.linalg.inv(factor)), rays, jacobians)
 
 
 def rim_distances_px(factors: FloatArray, owner: IntArray, rays: FloatArray, jacobians: FloatArray) -> FloatArray:
     """As `rim_distance_px`, each ray to the cone of its `owner` (n,) among those with `factors` (m, 3, 3)."""
-    return _distance_px(np.linalg.inv(factors)[owner], rays, jacobians)
+    return _distance_px(np.asarray(np.linalg.inv(factors))[owner], rays, jacobians)
 
 
 def _distance_px(inverse: FloatArray, rays: FloatArray, jacobians: FloatArray) -> FloatArray:
