@@ -16,7 +16,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import expit
 
 from circlepose._typing import FloatArray
 from circlepose.cone import plane_basis
@@ -245,7 +244,8 @@ def are_one(first: JointPose, second: JointPose) -> bool:
 
 def chance_of_second(first: float, second: float) -> float:
     """Return the probability of the second of two hypotheses, of which the log weights are given."""
-    return float(expit(second - first))
+    against = float(np.exp(-abs(first - second)))
+    return (against if first > second else 1.0) / (1.0 + against)
 
 
 def _moved(pose: AxisPose, step: FloatArray) -> AxisPose:

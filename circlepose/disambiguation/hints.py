@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import log_expit, log_ndtr
 
 from circlepose._typing import FloatArray, IntArray, frozen
 from circlepose.cone import plane_basis
@@ -40,7 +39,8 @@ class Choice:
 def choose(log_likelihoods: FloatArray) -> Choice:
     """Choose the likelier candidate by `log_likelihoods` (m, 2), both as likely before."""
     odds = log_likelihoods[:, 0] - log_likelihoods[:, 1]
-    return Choice(np.where(odds >= 0.0, 0, 1), frozen(np.exp(log_expit(-np.abs(odds)))))
+    against = np.exp(-np.abs(odds))
+    return Choice(np.where(odds >= 0.0, 0, 1), frozen(against / (1.0 + against)))
 
 
 def rough_normal(normals: FloatArray, direction: FloatArray, spread_deg: FloatArray | float) -> FloatArray:
@@ -67,6 +67,8 @@ def facing(normals: FloatArray, side: FloatArray, sigma_rad: FloatArray) -> Floa
     It is the candidate turned further to that side, unless errors have exchanged the two. They lie mirrored about
     the line of sight, so what moves the one to the side moves the other away from it.
     """
+    from scipy.special import log_ndtr  # noqa: PLC0415 - takes longer to import than all the rest, and is rare
+
     _check(normals, sigma_rad)
     towards = normals @ (np.asarray(side, dtype=np.float64) / np.linalg.norm(side))
     lead = (towards[:, 0] - towards[:, 1]) / np.sum(sigma_rad, axis=-1)

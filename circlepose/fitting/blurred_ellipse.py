@@ -16,9 +16,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import ndtr
 
 from circlepose._typing import BoolArray, FloatArray, Image
+from circlepose.fitting.blurred_share import normal_share
 
 _NODES, _NODE_WEIGHTS = np.polynomial.legendre.leggauss(20)
 _REACH_SIGMA = 4.5
@@ -185,9 +185,9 @@ def _share(theta: FloatArray, points: FloatArray) -> tuple[FloatArray, FloatArra
     gap = (x[:, None] - a * along) / sigma
     density = np.exp(-0.5 * gap**2) / (np.sqrt(2.0 * np.pi) * sigma) * np.cos(u) * half * _NODE_WEIGHTS
     upper, lower = (y[:, None] + width) / sigma, (y[:, None] - width) / sigma
-    between = ndtr(upper) - ndtr(lower)
-    upper_pdf = np.exp(-0.5 * upper**2) / np.sqrt(2.0 * np.pi)
-    lower_pdf = np.exp(-0.5 * lower**2) / np.sqrt(2.0 * np.pi)
+    upper_pdf, below_upper = normal_share(upper)
+    lower_pdf, below_lower = normal_share(lower)
+    between = below_upper - below_lower
     mass = a * density
     share = np.sum(mass * between, axis=1)
     by_x = np.sum(-gap / sigma * mass * between, axis=1)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.special import ndtr
 
 from circlepose._typing import BoolArray, FloatArray, IntArray
 from circlepose.conic import Ellipse, rim_distance
+from circlepose.fitting.blurred_share import normal_share
 
 _REACH_SIGMA = 3.5
 _AT_ONCE = 64
@@ -40,7 +40,7 @@ def light_of_neighbours(
     distance = rim_distance(other, pixels[first])
     sigma = sigma_px[second][:, None]
     curvature = ((other.semi_major * other.semi_minor) ** -0.5)[:, None]
-    share = ndtr(-(distance / sigma + 0.5 * sigma * curvature))
+    _, share = normal_share(-(distance / sigma + 0.5 * sigma * curvature))
     np.add.at(light, first, contrast[second][:, None] * share)
     return light
 
