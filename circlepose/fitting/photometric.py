@@ -155,7 +155,7 @@ def fit_to_levels(
     if len(which) == 0:
         return told
     again, better = _textured(told[which], bands[which], expected[which], stretch[which], stretches[which], shares)
-    return told.with_those(which[better], again[np.flatnonzero(better)])
+    return told.with_those(which[better], again)
 
 
 def _plain_edge(
@@ -179,10 +179,11 @@ def _plain_edge(
 
 def _textured(
     told: LevelsFit, bands: Bands, expected: Expected, stretch: IntArray, stretches: IntArray, shares: Shares
-) -> tuple[LevelsFit, BoolArray]:
-    """Fit rims again with levels for texture, of the size that shows in the levels; and tell (m,) where it does.
+) -> tuple[LevelsFit, IntArray]:
+    """Fit those rims again, with levels for texture of a size that shows in them; and tell which these are.
 
-    What varies near the rim, inside and outside, would else be taken for an edge a little elsewhere.
+    What varies near the rim, inside and outside, would else be taken for an edge a little elsewhere. What is left out
+    stays so: texture would explain a card over the rim, too.
     """
     seen = Seen.of(bands, told.factors, told.blur, shares, textured=True)
     kept = told.stiff.shape[1] // 2
@@ -198,9 +199,17 @@ def _textured(
     sizes = np.abs(told.contrast_levels)[:, None] * _TEXTURE_SIZES
     texture, gain = _likeliest(levels[:, extra], covariance[:, extra[:, None], extra], sizes)
     stiff[:, kept:side] = stiff[:, side + kept : -1] = (variance / texture**2)[:, None]
+    shows = np.flatnonzero(gain > _SHOWS)
+    if len(shows) == 0:
+        return told[shows], shows
+    if len(shows) < len(gain):
+        told, bands, expected = told[shows], bands[shows], expected[shows]
+        stretch, stretches, stiff, prior = stretch[shows], stretches[shows], stiff[shows], prior[shows]
+        seen = Seen.of(bands, told.factors, told.blur, shares, textured=True)
     fit = descend(bands, seen, shares, stiff, prior, expected.mean)
     again = _told(fit, bands, expected, stretch, stretches, told.rim_used, told.stiff)
-    return again, (gain > _SHOWS) & again.converged
+    converged = np.flatnonzero(again.converged)
+    return again[converged], shows[converged]
 
 
 def _likeliest(levels: FloatArray, covariance: FloatArray, sizes: FloatArray) -> tuple[FloatArray, FloatArray]:
