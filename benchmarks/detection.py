@@ -29,13 +29,13 @@ from typing import Any
 
 import cv2
 import numpy as np
-from environments import EDGE_DRAWING, RINGGRID, NotInstalledError, answers, environment
 
 import circlepose
 from circlepose._typing import FloatArray, Image
 from circlepose.extraction.find import find_contours
 from circlepose.extraction.grey import to_grey
 from circlepose.files.images import read_image
+from environments import EDGE_DRAWING, RINGGRID, NotInstalledError, answers, environment
 from scoring import PHOTOGRAPHS, TrueCircle, data_folder, read_truth
 
 Detector = Callable[[Image], FloatArray]
@@ -191,14 +191,13 @@ class Elsewhere:
 
     name: str
     python: str
-    script: str
     way: str
 
     def run(self, photographs: list[Photograph], options: dict[str, object]) -> Tally:
         """Run it on the images of a set and count."""
         tally = Tally()
         greys = [np.ascontiguousarray(grey) for grey, _ in photographs]
-        rows = answers(self.python, self.script, self.way, greys, options)
+        rows = answers(self.python, self.way, greys, options)
         for (grey, truth), found in zip(photographs, rows, strict=True):
             # Time, centre, semi-axes.
             seen = np.array(found).reshape(-1, 6)
@@ -210,12 +209,12 @@ class Elsewhere:
 def elsewhere(stack: ExitStack) -> Iterator[Elsewhere]:
     """Yield the detectors that can be installed; say which cannot."""
     wanted = (
-        ("EdgeDrawing", EDGE_DRAWING, "peers_elsewhere.py", "edge-drawing"),
-        ("ringgrid", RINGGRID, "markers_elsewhere.py", "ringgrid"),
+        ("EdgeDrawing", EDGE_DRAWING, "edge-drawing"),
+        ("ringgrid", RINGGRID, "ringgrid"),
     )
-    for name, requirement, script, way in wanted:
+    for name, requirement, way in wanted:
         try:
-            yield Elsewhere(name, stack.enter_context(environment(requirement)), script, way)
+            yield Elsewhere(name, stack.enter_context(environment(requirement)), way)
         except NotInstalledError as error:
             print(error, file=sys.stderr)
 

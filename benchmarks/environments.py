@@ -22,7 +22,7 @@ NAPA_VISION = "napa-vision[headless]==0.4.1"
 PYE3D = "pye3d==0.3.2"
 RINGGRID = "ringgrid==0.13.1"
 SCIKIT_IMAGE = "scikit-image==0.26.0"
-_BESIDE = Path(__file__).resolve().parent
+_SCRIPT = Path(__file__).resolve().with_name("elsewhere.py")
 Rows = list[list[list[float]]]
 """by image, by what was found on it"""
 
@@ -44,18 +44,14 @@ def environment(requirement: str) -> Iterator[str]:
         yield python
 
 
-def answers(
-    python: str, script: str, way: str, arrays: Sequence[np.ndarray], options: Mapping[str, Any] | None = None
-) -> Rows:
-    """Run a script of this folder by another interpreter on `arrays`."""
+def answers(python: str, way: str, arrays: Sequence[np.ndarray], options: Mapping[str, Any] | None = None) -> Rows:
+    """Run `elsewhere.py` by another interpreter: what a `way` makes of `arrays`."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         for number, array in enumerate(arrays):
             np.save(folder / f"{number:04d}.npy", array)
         (folder / "options.json").write_text(json.dumps(options or {}))
         # Isolated: our own packages and modules are not to be found from there.
-        done = subprocess.run(
-            [python, "-I", _BESIDE / script, way, folder], capture_output=True, text=True, check=True
-        )
+        done = subprocess.run([python, "-I", _SCRIPT, way, folder], capture_output=True, text=True, check=True)
     rows: Rows = json.loads(done.stdout)
     return rows

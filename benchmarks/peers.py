@@ -27,17 +27,6 @@ from itertools import groupby
 from typing import TypeVar
 
 import numpy as np
-from environments import (
-    EDGE_DRAWING,
-    NAPA_VISION,
-    PYE3D,
-    RINGGRID,
-    SCIKIT_IMAGE,
-    NotInstalledError,
-    Rows,
-    answers,
-    environment,
-)
 
 import circlepose
 from accuracy import SEED
@@ -51,6 +40,17 @@ from circlepose.solvers.solve import solve
 from circlepose.synthesis.disc_sets import RADIUS_MM, disc_views
 from circlepose.synthesis.render import render
 from circlepose.synthesis.scene import Box, Circle, Disc, Paint, Patch, Plane, Rings, Scene
+from environments import (
+    EDGE_DRAWING,
+    NAPA_VISION,
+    PYE3D,
+    RINGGRID,
+    SCIKIT_IMAGE,
+    NotInstalledError,
+    Rows,
+    answers,
+    environment,
+)
 
 MIDWAY = 120.0
 DARK, LIGHT = Paint(40.0), Paint(200.0)
@@ -90,7 +90,7 @@ def poses_of_contour(camera: Camera, points: FloatArray) -> Poses:
 
 
 def seen_by_pye3d(camera: Camera, points: FloatArray) -> FloatArray:
-    """Return a contour's ellipse as `peers_elsewhere.py` hands it to pye3d."""
+    """Return a contour's ellipse as `elsewhere.py` hands it to pye3d."""
     ellipse = fit_ellipse(points)
     assert ellipse is not None
     # It takes the principal point to be the origin.
@@ -260,29 +260,29 @@ def on_discs(views: int) -> None:
 
     def contours() -> None:
         with environment(SCIKIT_IMAGE) as python:
-            found = answers(python, "markers_elsewhere.py", "contour", images, {"level": MIDWAY})
+            found = answers(python, "contour", images, {"level": MIDWAY})
         points = [np.array(rows)[:, 1:] if rows else np.empty((0, 2)) for rows in found]
         label = "discs: scikit-image find_contours, our cone"
         print(row(label, circles, [poses_of_contour(camera, p) for p in points], times(found)), flush=True)
         with environment(PYE3D) as python:
             seen = [seen_by_pye3d(camera, p) for p in points]
-            found = answers(python, "peers_elsewhere.py", "pye3d", seen)
+            found = answers(python, "pye3d", seen)
         unprojected = [[(np.array(c[1:4]), np.array(c[4:])) for c in rows] for rows in found]
         print(row("discs: scikit-image find_contours, pye3d unproject_ellipse", circles, unprojected, []), flush=True)
 
-    def with_cone(label: str, requirement: str, script: str, way: str, options: Mapping[str, object]) -> None:
+    def with_cone(label: str, requirement: str, way: str, options: Mapping[str, object]) -> None:
         with environment(requirement) as python:
-            found = answers(python, script, way, images, options)
+            found = answers(python, way, images, options)
         nearest = [nearest_ellipse([e[1:] for e in rows], true) for rows, true in zip(found, ellipses, strict=True)]
         poses = [poses_of_ellipse(camera, ellipse, RADIUS_MM) for ellipse in nearest]
         print(row(label, circles, poses, times(found)), flush=True)
 
     attempt(contours)
     label = "discs: OpenCV contrib EdgeDrawing, our cone"
-    attempt(lambda: with_cone(label, EDGE_DRAWING, "peers_elsewhere.py", "edge-drawing", {}))
+    attempt(lambda: with_cone(label, EDGE_DRAWING, "edge-drawing", {}))
     told = {"diameters": [2.0 * float(true.semi_major) for true in ellipses]}
     label = "discs: ringgrid, our cone"
-    attempt(lambda: with_cone(label, RINGGRID, "markers_elsewhere.py", "ringgrid", told))
+    attempt(lambda: with_cone(label, RINGGRID, "ringgrid", told))
 
 
 def on_boards(number: int) -> None:
@@ -294,7 +294,7 @@ def on_boards(number: int) -> None:
     print(row("rings: circlepose", circles, [p for poses in found for p in poses], taken), flush=True)
     with environment(RINGGRID) as python:
         grid = {"grid": [PITCH_MM, ROWS, COLUMNS, OUTER_MM, INNER_MM]}
-        seen = answers(python, "markers_elsewhere.py", "ringgrid", images, grid)
+        seen = answers(python, "ringgrid", images, grid)
     poses = []
     for scene, rows in zip(scenes, seen, strict=True):
         for ring in scene.targets:
@@ -307,14 +307,14 @@ def on_tags(views: int) -> None:
     """Print the rows of the tags, and of the discs in the same poses."""
     scenes = list(disc_views("lo", views, SEED))
     with environment(NAPA_VISION) as python:
-        (drawn,) = answers(python, "markers_elsewhere.py", "napa-cells", [np.zeros(1)])
+        (drawn,) = answers(python, "napa-cells", [np.zeros(1)])
         cells = np.array(drawn)[:, 1:]
         pairs = [(scene, tag) for scene in scenes if (tag := tag_view(scene, cells)) is not None]
         circles = [disc_of(scene).circles[0] for scene, _ in pairs]
         poses, taken = timed(ours, [render(scene) for scene, _ in pairs], [scene for scene, _ in pairs])
         print(row("tags' poses: circlepose, discs", circles, poses, taken), flush=True)
         told = {"camera_matrix": scenes[0].camera.camera_matrix.tolist(), "size": 2.0 * RADIUS_MM}
-        found = answers(python, "markers_elsewhere.py", "napa-poses", [render(tag) for _, tag in pairs], told)
+        found = answers(python, "napa-poses", [render(tag) for _, tag in pairs], told)
     poses = [[(np.array(c[1:4]), np.array(c[4:])) for c in rows] for rows in found]
     print(row("tags' poses: napa-vision, tags", circles, poses, times(found)), flush=True)
 

@@ -1,8 +1,9 @@
-"""Run in another environment: what packages make of each .npy image of a folder; prints JSON.
+"""Run in another environment: what packages make of each .npy file of a folder, an image if nothing else is said.
 
-    python markers_elsewhere.py contour|ringgrid|napa-cells|napa-poses FOLDER
+    python elsewhere.py contour|edge-drawing|napa-cells|napa-poses|pye3d|ringgrid FOLDER
 
-A list per file, of rows that start with the time in ms. What a way is told besides is in FOLDER/options.json.
+Prints JSON: a list per file, of rows that start with the time in ms. What a way is told besides is in
+FOLDER/options.json.
 """
 
 from __future__ import annotations
@@ -54,6 +55,35 @@ def ringgrid(options: dict[str, Any]) -> Way:
     return way
 
 
+def edge_drawing(_: dict[str, Any]) -> Way:
+    """OpenCV contrib's ellipses: centre, semi-axes, angle (rad)."""
+    import cv2  # noqa: PLC0415
+
+    detector = cv2.ximgproc.createEdgeDrawing()
+
+    def way(image: np.ndarray, _: int) -> list[list[float]]:
+        detector.detectEdges(image)
+        found = detector.detectEllipses()
+        rows = [] if found is None else found.reshape(-1, 6)
+        # A circle has its radius third, an ellipse both semi-axes after it.
+        return [[x, y, radius + a, radius + b, float(np.radians(turn))] for x, y, radius, a, b, turn in rows]
+
+    return way
+
+
+def pye3d(_: dict[str, Any]) -> Way:
+    """pye3d's circles, centre and normal, of an ellipse: a file is its centre, axes, angle, focal length, radius."""
+    from pye3d.geometry.primitives import Ellipse  # noqa: PLC0415
+    from pye3d.geometry.projections import unproject_ellipse  # noqa: PLC0415
+
+    def way(seen: np.ndarray, _: int) -> list[list[float]]:
+        x, y, minor, major, angle, focal, radius = (float(v) for v in seen)
+        circles = unproject_ellipse(Ellipse([x, y], minor, major, angle), focal, radius)
+        return [[*map(float, c.center), *map(float, c.normal)] for c in circles or ()]
+
+    return way
+
+
 def napa_cells(_: dict[str, Any]) -> Way:
     """The black square of napa-vision's tag 0, row by row, 1 for white; of the image nothing is used."""
     from napa_vision.tags import tag_cells  # noqa: PLC0415
@@ -88,7 +118,14 @@ def napa_poses(options: dict[str, Any]) -> Way:
     return way
 
 
-WAYS = {"contour": contour, "ringgrid": ringgrid, "napa-cells": napa_cells, "napa-poses": napa_poses}
+WAYS = {
+    "contour": contour,
+    "edge-drawing": edge_drawing,
+    "napa-cells": napa_cells,
+    "napa-poses": napa_poses,
+    "pye3d": pye3d,
+    "ringgrid": ringgrid,
+}
 
 
 def main() -> None:
