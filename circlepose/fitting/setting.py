@@ -7,7 +7,7 @@ import numpy as np
 from circlepose._typing import FloatArray, Image
 from circlepose.conic import Ellipse
 
-REACH_PX = 4.0
+REACH_PX = 3.0
 REACH_SIGMA = 3.5
 """How far from the rim a band reaches: px, or blurs."""
 LOOSE = 0.03
