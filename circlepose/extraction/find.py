@@ -31,6 +31,8 @@ _REACH_PER_SCALE = 0.5
 """A rough ellipse from a reduced image is off by more."""
 _LAST_REACH_PX = 2.5
 _FIRST_PLACES = 36
+_FEW, _AT_ONCE_PX = 8, 1.0
+"""So many are looked at closely from the first; and how near all edges must be so that once is enough."""
 _PLACES = 72
 """Places along the rim at which a candidate is verified."""
 _LEAST_EDGES = 0.27
@@ -141,7 +143,8 @@ _NONE = Ellipse(np.empty((0, 2)), np.empty(0), np.empty(0), np.empty(0))
 
 def _verified(levels: Image, rough: Ellipse, reach_px: float, rejected: Counter[Rejection]) -> Candidates | None:
     """Place edges along rough ellipses and move these there, twice; returns those that have edges."""
-    for reach, places in ((reach_px, _FIRST_PLACES), (_LAST_REACH_PX, _PLACES)):
+    passes = ((reach_px, _PLACES if len(rough) <= _FEW else _FIRST_PLACES), (_LAST_REACH_PX, _PLACES))
+    for last, (reach, places) in enumerate(passes):
         if len(rough) == 0:
             return None
         edges = edges_along(levels, rough, reach, places, quick=True)
@@ -151,7 +154,7 @@ def _verified(levels: Image, rough: Ellipse, reach_px: float, rejected: Counter[
         alive = np.count_nonzero(on_it, axis=1) >= least * places
         alive &= moved.semi_major < _LONGEST * (1.0 + rough.semi_major)
         rejected[Rejection.TOO_LITTLE_RIM] += int(np.sum(~alive))
-        if places == _FIRST_PLACES:
+        if not last:
             hopeless = alive & are_hopeless(moved, left, edges.step, on_it)
             rejected[Rejection.UNLIKE_A_RIM] += int(np.sum(hopeless))
             alive &= ~hopeless
@@ -161,6 +164,9 @@ def _verified(levels: Image, rough: Ellipse, reach_px: float, rejected: Counter[
         alive[again] = False
         rejected[Rejection.DUPLICATE] += len(again)
         rough, edges = moved[alive], edges[alive]
+        if places == _PLACES and np.all(np.abs(edges.offset_px[edges.valid]) < _AT_ONCE_PX):
+            # So close that the edges would be found in the same places again.
+            break
     return Candidates.of(rough, edges) if len(rough) else None
 
 
