@@ -7,13 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from circlepose._typing import BoolArray, FloatArray
+from circlepose._typing import BoolArray, FloatArray, Image
 from circlepose.camera import Camera
 from circlepose.conic import Ellipse, rim_distance
-from circlepose.fitting.direct import Contours
 from circlepose.fitting.photometric import LevelsFit
-from circlepose.fitting.viewing_cone import ConeFit, rim_distances_px
-from circlepose.measure import Rim, image_ellipses
+from circlepose.fitting.viewing_cone import ConeFit
+from circlepose.measure import Rim, image_ellipses, residuals_px
 
 _WORST_NOISE = 0.3
 """Standard deviation of the residuals, as a share of the contrast."""
@@ -29,15 +28,17 @@ _FULL_RIM = 0.9
 _FARTHEST_PX, _FARTHEST_HIDDEN_PX = 2.5, 0.05
 """From the rim of the edges; and where a part of that is hidden."""
 _PLACES = 48
+_NOISE_ROWS, _NOISE_COLUMNS = 64, 128
+_LEAST_NOISE = 0.5
 
 
-def accepted(camera: Camera, rims: Sequence[Rim], fit: LevelsFit, noise_levels: float, lone: BoolArray) -> list[Rim]:
-    """Return the m rims as their `fit` has them; as they are where that is not believed.
+def accepted(grey: Image, camera: Camera, rims: Sequence[Rim], fit: LevelsFit, lone: BoolArray) -> list[Rim]:
+    """Return the m rims as their `fit` to the levels of `grey` (h, w) has them, or as they are if it is not believed.
 
-    `noise_levels` is the image's noise; where a rim is not `lone` (m,), others are in its band.
+    Where a rim is not `lone` (m,), others are in its band.
     """
     done = list(rims)
-    believed = np.flatnonzero(_are_believed(rims, fit, noise_levels, lone))
+    believed = np.flatnonzero(_are_believed(grey, rims, fit, lone))
     if len(believed) == 0:
         return done
     factors = fit.factors[believed]
@@ -47,17 +48,14 @@ def accepted(camera: Camera, rims: Sequence[Rim], fit: LevelsFit, noise_levels: 
     before = Ellipse.batch([rims[k].ellipse for k in believed.tolist()])
     farthest = np.max(np.abs(rim_distance(before, ellipses.points(_PLACES))), axis=1)
     found &= farthest <= np.where(hidden, _FARTHEST_HIDDEN_PX, _FARTHEST_PX)
-    edges = Contours.of([rims[k].points for k in believed.tolist()])
-    rays, jacobians = camera.rays_with_jacobian(edges.points)
-    residuals = rim_distances_px(factors, edges.owner, rays, jacobians)
-    ends = np.append(edges.starts, len(residuals))
+    residuals = residuals_px(camera, factors, ellipses, [rims[k].points for k in believed.tolist()])
     for j, k in enumerate(believed.tolist()):
         if not found[j]:
             continue
         second = np.sqrt(np.trace(fit.covariance[k, 3:, 3:]) / 2.0)
         done[k] = replace(
             rims[k],
-            cone=ConeFit(factors[j], residuals[ends[j] : ends[j + 1]]),
+            cone=ConeFit(factors[j], residuals[j]),
             ellipse=ellipses[j],
             rim_used=float(fit.rim_used[k]),
             polarity=-1 if fit.contrast_levels[k] > 0.0 else 1,
@@ -67,12 +65,25 @@ def accepted(camera: Camera, rims: Sequence[Rim], fit: LevelsFit, noise_levels: 
     return done
 
 
-def _are_believed(rims: Sequence[Rim], fit: LevelsFit, noise_levels: float, lone: BoolArray) -> BoolArray:
+def _are_believed(grey: Image, rims: Sequence[Rim], fit: LevelsFit, lone: BoolArray) -> BoolArray:
     minor = np.array([float(rim.ellipse.semi_minor) for rim in rims])
     before: FloatArray = np.array([rim.rim_used for rim in rims])
     share = fit.noise_levels / np.maximum(np.abs(fit.contrast_levels), 1e-9)
     # Of a tiny disc the levels tell no more than the edges where they are not understood.
-    odd = (fit.noise_levels > _ODD * noise_levels) & ((lone & (minor < _TINY_PX)) | (share > _WILD))
+    odd = (lone & (minor < _TINY_PX)) | (share > _WILD)
+    if odd.any():
+        odd &= fit.noise_levels > _ODD * noise_of(grey)
     blob = minor < _LEAST_SIGMAS * np.exp(fit.blur[:, 0])
     seen = (fit.rim_used > _LEAST_RIM) & (fit.rim_used >= _LEAST_AGAIN * before)
     return np.asarray(fit.converged & (share < _WORST_NOISE) & ~odd & ~blob & seen)
+
+
+def noise_of(grey: Image) -> float:
+    """Return about the standard deviation of the noise in `grey` (h, w), levels, from neighbours in sampled rows."""
+    height, width = grey.shape
+    if width < 3:
+        return _LEAST_NOISE
+    down, across = max(1, height // _NOISE_ROWS), max(1, width // _NOISE_COLUMNS)
+    left, middle, right = (grey[::down, i : width - 2 + i : across].astype(np.float32) for i in range(3))
+    bends = middle - (left + right) / 2.0
+    return max(1.4826 * float(np.median(np.abs(bends))) / np.sqrt(1.5), _LEAST_NOISE)

@@ -75,6 +75,11 @@ class Camera:
             raise CalibrationError(f"image_size: expected a positive width and height, got {image_size}.")
         return cls(frozen(matrix / matrix[2, 2]), frozen(coefficients), image_size, model, sigma)
 
+    @property
+    def is_free_of_distortion(self) -> bool:
+        """Whether straight lines are straight in the image, and circles' images ellipses."""
+        return self.model == "pinhole" and not self.dist_coeffs.any()
+
     def project(self, points: FloatArray) -> FloatArray:
         """Project camera-frame `points` (..., 3) to pixels (..., 2); NaN behind or beyond the lens model."""
         if self.model == "fisheye":

@@ -10,7 +10,7 @@ import numpy as np
 from circlepose._typing import BoolArray, FloatArray, Image
 from circlepose.camera import Camera
 from circlepose.cone import SIGNATURE
-from circlepose.conic import Ellipse, unit_circle
+from circlepose.conic import Ellipse, rim_distance, unit_circle
 from circlepose.extraction.contour import Contour
 from circlepose.extraction.rim import contour_normals, locate_edges
 from circlepose.fitting.consensus import local_scatter, on_one_ellipse
@@ -133,11 +133,11 @@ def _rims_to_start_at(camera: Camera, contours: Sequence[Contour]) -> list[Rim]:
     """Return the rims of the cones through the contours' own ellipses: exact without distortion, good if small."""
     if not contours:
         return []
-    factors, _ = factors_from_ellipses(camera, Ellipse.batch([contour.ellipse for contour in contours]))
-    edges = Contours.of([contour.points for contour in contours])
-    residuals = rim_distances_px(factors, edges.owner, *camera.rays_with_jacobian(edges.points))
+    ellipses = Ellipse.batch([contour.ellipse for contour in contours])
+    factors, _ = factors_from_ellipses(camera, ellipses)
+    residuals = residuals_px(camera, factors, ellipses, [contour.points for contour in contours])
     rims = []
-    for contour, factor, own in zip(contours, factors, np.split(residuals, edges.starts[1:]), strict=True):
+    for contour, factor, own in zip(contours, factors, residuals, strict=True):
         fit = ConeFit(factor, own)
         error_px = _axis_error_px(fit, len(own))
         rims.append(Rim(fit, contour.points, contour.ellipse, contour.rim_used, contour.polarity, error_px))
@@ -285,7 +285,7 @@ def image_ellipses(camera: Camera, factors: FloatArray) -> tuple[Ellipse, BoolAr
 
     Under a distorting lens, those that fit best.
     """
-    if camera.model == "pinhole" and not camera.dist_coeffs.any():
+    if camera.is_free_of_distortion:
         return Ellipse.from_factor(camera.camera_matrix @ factors)
     return fit_ellipses(Contours.of(list(rim_pixels(camera, factors, _OUTLINE_PLACES))))
 
@@ -293,6 +293,21 @@ def image_ellipses(camera: Camera, factors: FloatArray) -> tuple[Ellipse, BoolAr
 def _axis_error_px(fit: ConeFit, number: int) -> float:
     # Of n radial errors around the rim, two combine to make the axes long or short and as many unequal.
     return float(max(fit.rms_px, _LEAST_NOISE_PX) / np.sqrt(number / 4.0))
+
+
+def residuals_px(
+    camera: Camera, factors: FloatArray, ellipses: Ellipse, contours: Sequence[FloatArray]
+) -> list[FloatArray]:
+    """Return how far the points of each of m contours (n, 2) are from a rim, px, to first order, positive outside.
+
+    The rims are those of cones with `factors` (m, 3, 3), whose images the `ellipses` (m,) are, about.
+    """
+    every = Contours.of(list(contours))
+    if camera.is_free_of_distortion:
+        residuals = rim_distance(ellipses[every.owner], every.points[:, None])[:, 0]
+    else:
+        residuals = rim_distances_px(factors, every.owner, *camera.rays_with_jacobian(every.points))
+    return np.split(residuals, every.starts[1:])
 
 
 def rim_pixels(camera: Camera, factor: FloatArray, number: int) -> FloatArray:

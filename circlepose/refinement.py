@@ -29,8 +29,6 @@ _TIGHT = 0.03
 """Standard deviation of the inequality of the blur, after all rims have told of it."""
 _LEAST_UNEQUAL = 0.1
 """Less is not told from texture."""
-_NOISE_ROWS, _NOISE_COLUMNS = 40, 64
-_LEAST_NOISE = 0.5
 _MANY = 5
 """Rims that tell of the blur that they share."""
 _SMALL_PX = 20.0
@@ -40,7 +38,6 @@ _SMALL_PX = 20.0
 def refined(grey: Image, camera: Camera, rims: Sequence[Rim]) -> list[Rim]:
     """Fit the rims to the levels of `grey` (h, w); a rim whose levels tell nothing better stays as it is."""
     limits = level_limits(grey)
-    noise = noise_of(grey)
     done = list(rims)
     open_ = [i for i, rim in enumerate(rims) if rim.modes_covariance is None]
     reach = np.full(len(rims), REACH_PX)
@@ -77,7 +74,7 @@ def refined(grey: Image, camera: Camera, rims: Sequence[Rim]) -> list[Rim]:
                 beyond=beyond_bands(grey, camera, around, reach[which], limits),
                 is_curved=is_curved(rims[chunk[0]].ellipse),
             )
-            found = accepted(camera, [rims[i] for i in chunk], fit, noise, ~crowded[which])
+            found = accepted(grey, camera, [rims[i] for i in chunk], fit, ~crowded[which])
             fits.update(zip(chunk, found, strict=True))
             for k, i in enumerate(chunk):
                 if fit.converged[k]:
@@ -89,17 +86,6 @@ def refined(grey: Image, camera: Camera, rims: Sequence[Rim]) -> list[Rim]:
         if done[i] is rims[i]:
             done[i] = replace(with_edges_placed(grey, camera, rims[i]) or rims[i], is_edges_only=True)
     return done
-
-
-def noise_of(grey: Image) -> float:
-    """Return about the standard deviation of the noise in `grey` (h, w), levels, from neighbours in sampled rows."""
-    height, width = grey.shape
-    if width < 3:
-        return _LEAST_NOISE
-    down, across = max(1, height // _NOISE_ROWS), max(1, width // _NOISE_COLUMNS)
-    left, middle, right = (grey[::down, i : width - 2 + i : across].astype(np.float32) for i in range(3))
-    bends = middle - (left + right) / 2.0
-    return max(1.4826 * float(np.median(np.abs(bends))) / np.sqrt(1.5), _LEAST_NOISE)
 
 
 def _perimeter(rim: Rim) -> float:

@@ -98,7 +98,7 @@ class Chains:
         steps = (np.arange(_CORNERS)[None, :] * sizes[:, None]) // _CORNERS
         corners = self.points[starts[:, None] + steps].astype(np.float64) - origin[:, None, :]
         x, y = corners[..., 0], corners[..., 1]
-        following = np.roll(corners, -1, axis=1)
+        following = np.concatenate([corners[:, 1:], corners[:, :1]], axis=1)
         u, v = following[..., 0], following[..., 1]
         turn = x * v - u * y
         area = turn.sum(axis=1) / 2.0

@@ -120,7 +120,7 @@ def locate_edges(
     gradient *= 1.0 / (2.0 * _STEP_PX)
     t = t[1:-1].astype(profile.dtype)
     near: NDArray[Any]
-    near = np.clip(1.0 - np.abs(t) / (reach_px[:, None] + _STEP_PX), 0.0, None).astype(profile.dtype)
+    near = np.maximum(1.0 - np.abs(t) / (reach_px[:, None] + _STEP_PX), 0.0).astype(profile.dtype)
     inwards = np.matmul(gradient.sum(axis=1)[:, None, :], near[:, :, None])[:, 0, 0] < 0.0
     polarity = np.where(inwards, -1.0, 1.0)
     gradient[inwards] *= -1.0
@@ -135,7 +135,8 @@ def locate_edges(
         np.abs(window, out=window)
         np.subtract(half, window, out=window)
         window *= 1.0 / _STEP_PX
-        np.clip(window, 0.0, 1.0, out=window)
+        np.maximum(window, 0.0, out=window)
+        np.minimum(window, 1.0, out=window)
         window *= rising
         mass = window.sum(axis=-1)
         center = np.where(mass > 0.0, (window @ t) / np.maximum(mass, 1e-12), center)

@@ -47,7 +47,7 @@ def fit_offsets(ellipse: Ellipse, offsets: FloatArray, valid: BoolArray) -> tupl
         move = np.linalg.solve(weighted @ slopes.transpose(0, 2, 1) + ridge, weighted @ offsets[..., None])
         left = offsets - (move.transpose(0, 2, 1) @ slopes)[:, 0]
         ordered = np.sort(np.where(valid, np.abs(left), np.inf), axis=1)
-        scale = np.clip(1.5 * ordered[rows, median], *_SCALES)[:, None]
+        scale = np.minimum(np.maximum(1.5 * ordered[rows, median], _SCALES[0]), _SCALES[1])[:, None]
         weights = 1.0 + (left / scale) ** 2
         weights = valid / (weights * weights)
     return _moved(ellipse, np.asarray(move[..., 0])), left

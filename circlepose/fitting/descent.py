@@ -15,8 +15,8 @@ from circlepose.fitting.far_levels import FarLevels
 from circlepose.fitting.unlike import QUANTIZATION
 from circlepose.rim_modes import MODES, grown
 
-_SIGMA_PX = (0.25, 8.0)
-_MOST_UNEQUAL = 0.6
+_LEAST_BLUR = np.array([np.log(0.25), -0.6, -0.6])
+_MOST_BLUR = np.array([np.log(8.0), 0.6, 0.6])
 _STEPS = 12
 _CONVERGED = 1e-3
 """A step that would lower the cost by so many noise variances is worth nothing: 3 % of a standard error."""
@@ -149,12 +149,9 @@ def _second_order(step: FloatArray, inverse: FloatArray, variance: FloatArray) -
 
 
 def _after(factors: FloatArray, blur: FloatArray, step: FloatArray) -> tuple[FloatArray, FloatArray]:
-    limited = np.clip(step, -_LONGEST_STEP, _LONGEST_STEP)
+    limited = np.minimum(np.maximum(step, -_LONGEST_STEP), _LONGEST_STEP)
     changed = blur + limited[:, MODES:]
-    low, high = np.log(_SIGMA_PX[0]), np.log(_SIGMA_PX[1])
-    changed[:, 0] = np.clip(changed[:, 0], low, high)
-    changed[:, 1:] = np.clip(changed[:, 1:], -_MOST_UNEQUAL, _MOST_UNEQUAL)
-    return grown(factors, limited[:, :MODES]), changed
+    return grown(factors, limited[:, :MODES]), np.minimum(np.maximum(changed, _LEAST_BLUR), _MOST_BLUR)
 
 
 def with_prior(matrix: FloatArray, prior: FloatArray) -> FloatArray:

@@ -106,7 +106,10 @@ def factors_from_ellipses(camera: Camera, ellipses: Ellipse) -> tuple[FloatArray
     Exact without distortion; with it, the lens is taken as linear over the ellipse, so keep to small ones. Also tells
     (m,) which lie in the lens model's valid field; of the others the factor is that of no ellipse.
     """
-    factor = ellipses.factor[:, :2]
+    factor = ellipses.factor
+    if camera.is_free_of_distortion:
+        return np.asarray(np.linalg.inv(camera.camera_matrix) @ factor), np.ones(len(factor), dtype=np.bool_)
+    factor = factor[:, :2]
     middle = factor[:, :, 2]
     ends = np.stack([middle + sign * factor[:, :, axis] for axis in (0, 1) for sign in (1.0, -1.0)], axis=1)
     rays = camera.rays(ends)
