@@ -16,8 +16,9 @@ from circlepose.measure import Rim, image_ellipses, residuals_px
 
 _WORST_NOISE = 0.3
 """Standard deviation of the residuals, as a share of the contrast."""
-_ODD, _TINY_PX = 3.0, 7.0
-"""Residuals so many times the image's noise are none, on a disc of a semi-minor axis below the second."""
+_ODD, _TINY_PX, _TINY_CROWDED_PX = 3.0, 7.0, 4.5
+"""Residuals so many times the image's noise are none, on a disc of a semi-minor axis below the second, or the third
+where others come into its band: their light is known in part, and what of it is not explains such residuals."""
 _WILD = 0.12
 """The same of any disc, where they are more than this share of the contrast."""
 _LEAST_SIGMAS = 2.5
@@ -70,7 +71,7 @@ def _are_believed(grey: Image, rims: Sequence[Rim], fit: LevelsFit, lone: BoolAr
     before: FloatArray = np.array([rim.rim_used for rim in rims])
     share = fit.noise_levels / np.maximum(np.abs(fit.contrast_levels), 1e-9)
     # Of a tiny disc the levels tell no more than the edges where they are not understood.
-    odd = (lone & (minor < _TINY_PX)) | (share > _WILD)
+    odd = (minor < np.where(lone, _TINY_PX, _TINY_CROWDED_PX)) | (share > _WILD)
     if odd.any():
         odd &= fit.noise_levels > _ODD * noise_of(grey)
     blob = minor < _LEAST_SIGMAS * np.exp(fit.blur[:, 0])
