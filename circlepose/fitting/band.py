@@ -11,9 +11,9 @@ from circlepose._typing import BoolArray, FloatArray, Image, IntArray, RealArray
 from circlepose.camera import Camera
 from circlepose.conic import Ellipse, unit_circle
 
-_BEYOND_PX = np.arange(1.0, 12.5, 1.5)
+_BEYOND_PX = np.arange(0.5, 12.5, 1.2)
 """What is looked at beyond a band, from its border."""
-_PER_PX, _ANGLES = 3.2, (16, 640)
+_PER_PX, _ANGLES = 4.0, (16, 800)
 """Places along each ellipse, for a px of its major axis, and least and most."""
 
 
