@@ -40,7 +40,7 @@ _UNEVEN = 0.15
 _UNEVEN_PER_PX = 0.02
 """Spread of the edge's height along the rim, as a share of it (plus per px of the semi-minor axis), that does too."""
 _LEAST_QUALITY = 0.3
-_LEAST_SCORE = 0.3
+_LEAST_SCORE = 0.32
 _LENIENCE = 0.5
 _HOPELESS = 0.15
 _HOPELESS_PART = 0.1

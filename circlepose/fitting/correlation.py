@@ -7,7 +7,7 @@ import numpy as np
 from circlepose._typing import FloatArray, IntArray, RealArray
 
 _JOINED = ((1, 1.0), (2, 1.5), (4, 2.0))
-"""Neighbouring stretches taken together, and the correlation from which these count."""
+"""Neighbouring stretches taken together, each time twice as many, and the correlation from which these count."""
 
 
 def correlation_of(
