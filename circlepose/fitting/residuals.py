@@ -13,7 +13,7 @@ import numpy as np
 from circlepose._typing import BoolArray, FloatArray, Image
 from circlepose.camera import Camera
 from circlepose.conic import Ellipse
-from circlepose.fitting.band import Bands, bands_around
+from circlepose.fitting.band import Bands, bands_around, beyond_bands
 from circlepose.fitting.blurred_edge import Columns, fit_levels
 from circlepose.fitting.blurred_share import curved, places, straight
 from circlepose.fitting.neighbours import bands_that_meet, light_of_neighbours
@@ -127,7 +127,8 @@ def _fit(
     blur: FloatArray,
     beside: FloatArray | None,
 ) -> tuple[Bands, LevelsFit | None]:
-    bands = bands_around(grey, camera, [ellipse], np.array([reach_px]))
+    reach, limits = np.array([reach_px]), level_limits(grey)
+    bands = bands_around(grey, camera, [ellipse], reach)
     if float(bands.weight.sum()) < 2.0 or not np.all(np.isfinite(factor)):
         return bands, None
     perimeter = np.pi * float(ellipse.semi_major + ellipse.semi_minor)
@@ -137,8 +138,9 @@ def _fit(
         blur[None],
         Expected(blur[None] * [1.0, 0.0, 0.0], first_information(1)),
         np.array([perimeter]),
-        level_limits(grey),
+        limits,
         beside=beside,
+        beyond=beyond_bands(grey, camera, [ellipse], reach, limits),
         is_curved=is_curved(ellipse),
     )
     return bands, fit
