@@ -20,6 +20,7 @@ from circlepose._typing import FloatArray
 
 PINHOLE_COUNTS = (0, 4, 5, 8, 12, 14)
 FISHEYE_COUNT = 4
+_LAST_STEP = 1e-7
 _SEARCH_RADIUS = 20.0
 """tan of the largest field angle considered for a pinhole model (87 deg off axis)."""
 
@@ -84,13 +85,10 @@ def undistort_pinhole(
             short = np.minimum(1.0, longest / np.maximum(length, 1e-300))
             x, y = x + step_x * short, y + step_y * short
             # The square of the last step remains.
-            if np.nanmax(length, initial=0.0) <= 1e-7:
+            if np.nanmax(length, initial=0.0) <= _LAST_STEP:
                 break
-        seen_u, seen_v, xx, xy, yx, yy = _distorted(x, y, k)
-        determinant = xx * yy - xy * yx
-        good = np.hypot(u - seen_u, v - seen_v) < 1e-12 * (1.0 + np.hypot(u, v))
-        good &= (determinant > 0.0) & (np.hypot(x, y) < limit)
-        per_determinant = np.where(good, 1.0 / determinant, np.nan)
+        good = (length <= _LAST_STEP) & (per_determinant > 0.0) & (np.hypot(x, y) < limit)
+        per_determinant = np.where(good, per_determinant, np.nan)
     slopes = (yy * per_determinant, -xy * per_determinant, -yx * per_determinant, xx * per_determinant)
     return np.where(good, x, np.nan), np.where(good, y, np.nan), slopes
 

@@ -15,11 +15,13 @@ from circlepose.extraction.contour import Contour
 from circlepose.extraction.rim import contour_normals, locate_edges
 from circlepose.fitting.consensus import local_scatter, on_one_ellipse
 from circlepose.fitting.determination import axis_errors
-from circlepose.fitting.direct import Contours, fit_ellipses
+from circlepose.fitting.direct import Contours
+from circlepose.fitting.quick_fit import fit_each
 from circlepose.fitting.thin_ellipse import STRUCTURED, ThinEllipse, are_thin, fit_thin_ellipse
 from circlepose.fitting.viewing_cone import (
     ConeFit,
     SeenPoints,
+    direct_cones,
     factor_from_ellipse,
     factors_from_ellipses,
     fit_cone,
@@ -130,12 +132,16 @@ def fit_rim(
 
 
 def _rims_to_start_at(camera: Camera, contours: Sequence[Contour]) -> list[Rim]:
-    """Return the rims of the cones through the contours' own ellipses: exact without distortion, good if small."""
+    """Return the rims of cones through the contours' ellipses, or through their points where a lens bends them."""
     if not contours:
         return []
     ellipses = Ellipse.batch([contour.ellipse for contour in contours])
-    factors, _ = factors_from_ellipses(camera, ellipses)
-    residuals = residuals_px(camera, factors, ellipses, [contour.points for contour in contours])
+    points = [contour.points for contour in contours]
+    if camera.is_free_of_distortion:
+        factors, _ = factors_from_ellipses(camera, ellipses)
+        residuals = residuals_px(camera, factors, ellipses, points)
+    else:
+        factors, residuals = direct_cones(camera, points)
     rims = []
     for contour, factor, own in zip(contours, factors, residuals, strict=True):
         fit = ConeFit(factor, own)
@@ -287,7 +293,11 @@ def image_ellipses(camera: Camera, factors: FloatArray) -> tuple[Ellipse, BoolAr
     """
     if camera.is_free_of_distortion:
         return Ellipse.from_factor(camera.camera_matrix @ factors)
-    return fit_ellipses(Contours.of(list(rim_pixels(camera, factors, _OUTLINE_PLACES))))
+    outlines = rim_pixels(camera, factors, _OUTLINE_PLACES)
+    seen = np.isfinite(outlines).all(axis=(1, 2))
+    outlines[~seen] = unit_circle(_OUTLINE_PLACES).T
+    ellipses, found = fit_each(outlines)
+    return ellipses, found & seen
 
 
 def _axis_error_px(fit: ConeFit, number: int) -> float:

@@ -11,11 +11,11 @@ from circlepose.extraction.arcs import SHORTEST_CHAIN, arcs_of
 from circlepose.extraction.chains import Chains
 from circlepose.extraction.grouping import joined_arcs
 from circlepose.extraction.pyramid import pyramid, to_full_size, to_reduced
-from circlepose.extraction.quick_fit import fit_each, fit_scatter, scatter_of
 from circlepose.extraction.repeats import inside_others, repeats
 from circlepose.extraction.rim import edges_along
 from circlepose.extraction.rim_fit import fit_offsets
 from circlepose.fitting.direct import fit_ellipse
+from circlepose.fitting.quick_fit import fit_each, fit_scatter, scatter_of
 
 
 def random_ellipses(number: int, seed: int = 3) -> Ellipse:

@@ -43,7 +43,7 @@ def test_every_disc_of_a_photograph(shared_data, name, least_found, normal_deg):
 def test_nearly_every_small_disc_of_a_photograph(shared_data, name):
     folder = shared_data / name
     errors, number = measure(folder, Target.circle(read_radius(folder), count=None), images=2)
-    assert len(errors) >= 0.99 * number
+    assert len(errors) >= 0.98 * number
 
 
 def test_a_path_traced_cd(shared_data):

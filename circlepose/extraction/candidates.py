@@ -17,7 +17,7 @@ from circlepose.extraction.contour import Rejection
 from circlepose.extraction.edges import edge_chains
 from circlepose.extraction.grouping import MOST_ARCS, bulging, joined_arcs
 from circlepose.extraction.pyramid import to_full_size, to_reduced
-from circlepose.extraction.quick_fit import fit_each
+from circlepose.fitting.quick_fit import fit_each
 from circlepose.target import AxisIntervals
 
 _SHORTEST = 12

@@ -10,7 +10,7 @@ import numpy as np
 
 from circlepose._typing import BoolArray, FloatArray
 from circlepose.conic import rim_distance
-from circlepose.extraction.quick_fit import fit_each
+from circlepose.fitting.quick_fit import fit_each
 
 _STRETCHES = 4
 _STRETCH_SHARE = 0.07

@@ -7,7 +7,7 @@ import numpy as np
 from circlepose._typing import BoolArray, FloatArray, IntArray
 from circlepose.conic import Ellipse, rim_distance
 from circlepose.extraction.arcs import SAMPLES, Arcs
-from circlepose.extraction.quick_fit import fit_scatter, scatter_of
+from circlepose.fitting.quick_fit import fit_scatter, scatter_of
 
 MOST_ARCS = 100
 """Of one image at one scale, the longest are tried: pairs grow with the square."""

@@ -13,9 +13,9 @@ import numpy as np
 from circlepose._typing import BoolArray, FloatArray, Image
 from circlepose.conic import Ellipse, rim_distance
 from circlepose.extraction.draws import on_one_ellipse
-from circlepose.extraction.quick_fit import fit_each
 from circlepose.extraction.rim import RimEdges, edges_along
 from circlepose.fitting.determination import axis_errors, curvature_radius
+from circlepose.fitting.quick_fit import fit_each
 
 _ROUNDS = 5
 _DRAWS = (120, 60, 40, 40, 40)

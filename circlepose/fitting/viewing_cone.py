@@ -7,6 +7,7 @@ through the local derivative of pixel -> ray.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Self
 
@@ -16,7 +17,7 @@ from circlepose._typing import BoolArray, FloatArray, IntArray
 from circlepose.camera import Camera
 from circlepose.cone import plane_basis
 from circlepose.conic import Ellipse
-from circlepose.fitting.direct import MINIMUM_POINTS, fit_ellipse
+from circlepose.fitting.direct import MINIMUM_POINTS, Contours, fit_ellipse, fit_ellipses
 from circlepose.fitting.guaranteed import refine_ellipse
 
 _STEPS = 12
@@ -89,6 +90,23 @@ def fit_cone_to(seen: SeenPoints, weights: FloatArray | None = None) -> ConeFit 
     refined, _ = refine_ellipse(ellipse, plane, _pixel_covariances(local, turn @ jacobians), weights, _STEPS)
     factor = turn.T @ refined.factor
     return ConeFit(factor, rim_distance_px(factor, rays, jacobians))
+
+
+def direct_cones(camera: Camera, contours: Sequence[FloatArray]) -> tuple[FloatArray, list[FloatArray]]:
+    """Fit the viewing cones of m contours (n, 2) of the raw image at once, by algebraic distance: good to start from.
+
+    Returns factors (m, 3, 3) and the residuals (n,) px of each contour, which are NaN where there is no such cone: no
+    ellipse fits, or it is seen too far from the axis for the plane z = 1.
+    """
+    every = Contours.of(list(contours))
+    rays, jacobians = camera.rays_with_jacobian(every.points)
+    forward = rays[:, 2] > _FORWARD
+    plane = rays[:, :2] / np.where(forward, rays[:, 2], np.inf)[:, None]
+    ellipses, found = fit_ellipses(Contours(np.nan_to_num(plane), every.starts))
+    found &= every.total((~forward).astype(np.float64)) == 0.0
+    factors = np.where(found[:, None, None], ellipses.factor, np.eye(3))
+    residuals = rim_distances_px(factors, every.owner, rays, jacobians)
+    return factors, np.split(np.where(found[every.owner], residuals, np.nan), every.starts[1:])
 
 
 def factor_from_ellipse(camera: Camera, ellipse: Ellipse) -> FloatArray | None:
