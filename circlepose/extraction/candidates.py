@@ -75,11 +75,11 @@ def rough_ellipses(
     extents = chains.extents()
     shortest, longest = _extents(intervals, scale, image)
     large = extents >= shortest
-    rejected[Rejection.TOO_SHORT] += int(np.sum(~large))
+    rejected[Rejection.TOO_SHORT] += int(np.count_nonzero(~large))
     on_known = _rims_drawn(known, scale, image)
     if on_known is not None and len(chains):
         explained = chains.shares(on_known[chains.points[:, 1], chains.points[:, 0]]) >= _EXPLAINED
-        rejected[Rejection.DUPLICATE] += int(np.sum(explained & large))
+        rejected[Rejection.DUPLICATE] += int(np.count_nonzero(explained & large))
         large &= ~explained
     whole = large & (extents <= longest)
     closed, is_closed, is_settled = _closed(chains, whole)
@@ -89,15 +89,15 @@ def rough_ellipses(
     # A chain that strays, or is too long, has merged with something, or is none; its arcs may still be of a rim.
     pieces = _pieces(chains, np.flatnonzero(large & ~is_settled), on_known, lines=intervals.major_px is not None)
     from_arcs = _from_arcs(pieces, longest)
-    rejected[Rejection.NOT_ELLIPTICAL] += int(np.sum(~fits))
+    rejected[Rejection.NOT_ELLIPTICAL] += int(np.count_nonzero(~fits))
     found = joined_ellipses([closed, opened, from_arcs])
     found = Ellipse(
         to_full_size(found.center, scale), found.semi_major * scale, found.semi_minor * scale, found.angle
     )
     major_ok = _within(2.0 * found.semi_major, intervals.major_px, scale)
     minor_ok = _within(2.0 * found.semi_minor, intervals.minor_px, scale)
-    rejected[Rejection.MAJOR_AXIS] += int(np.sum(~major_ok))
-    rejected[Rejection.MINOR_AXIS] += int(np.sum(major_ok & ~minor_ok))
+    rejected[Rejection.MAJOR_AXIS] += int(np.count_nonzero(~major_ok))
+    rejected[Rejection.MINOR_AXIS] += int(np.count_nonzero(major_ok & ~minor_ok))
     return found[major_ok & minor_ok]
 
 

@@ -153,10 +153,10 @@ def _verified(levels: Image, rough: Ellipse, reach_px: float, rejected: Counter[
         least = np.where(moved.semi_major < _SMALL_PX, _LEAST_SMALL, _LEAST_EDGES)
         alive = np.count_nonzero(on_it, axis=1) >= least * places
         alive &= moved.semi_major < _LONGEST * (1.0 + rough.semi_major)
-        rejected[Rejection.TOO_LITTLE_RIM] += int(np.sum(~alive))
+        rejected[Rejection.TOO_LITTLE_RIM] += int(np.count_nonzero(~alive))
         if not last:
             hopeless = alive & are_hopeless(moved, left, edges.step, on_it)
-            rejected[Rejection.UNLIKE_A_RIM] += int(np.sum(hopeless))
+            rejected[Rejection.UNLIKE_A_RIM] += int(np.count_nonzero(hopeless))
             alive &= ~hopeless
         # Several hypotheses may have come to stand on one edge.
         ranked = np.flatnonzero(alive)
@@ -182,7 +182,8 @@ def _selected(
 
     kept = left(ranked)
     if len(kept):
-        typical = float(np.average(found.step[kept], weights=found.evidence[kept]))
+        evidence = found.evidence[kept]
+        typical = float(found.step[kept] @ evidence / evidence.sum())
         why_not[kept[found.step[kept] < _LEAST_KIN * typical]] = REASONS.index(Rejection.WEAK_EDGE)
         kept = left(kept)
         why_not[repeats(found.ellipse, kept)] = REASONS.index(Rejection.DUPLICATE)
