@@ -12,7 +12,8 @@ from circlepose.camera import Camera
 from circlepose.conic import Ellipse, rim_distance
 from circlepose.fitting.photometric import LevelsFit
 from circlepose.fitting.viewing_cone import ConeFit
-from circlepose.measure import Rim, image_ellipses, residuals_px
+from circlepose.measure import Rim
+from circlepose.rim_image import image_ellipses, residuals_px
 
 _WORST_NOISE = 0.3
 """Standard deviation of the residuals, as a share of the contrast."""

@@ -138,14 +138,12 @@ class Camera:
         return sights
 
     def _pinhole_rays(self, pixels: FloatArray) -> tuple[FloatArray, FloatArray]:
-        x, y, slopes = lens.undistort_pinhole(*self._distorted(pixels), self.dist_coeffs)
+        (x, *x_slopes), (y, *y_slopes), _ = self.sights(pixels)
         # Component by component: loops over the last axis, of two or three, would take ten times longer.
         per_length = 1.0 / np.sqrt(x * x + y * y + 1.0)
         rays = np.stack([x * per_length, y * per_length, per_length])
         jacobians = np.empty((3, 2, *x.shape))
-        for j, (to_u, to_v) in enumerate(self._to_plane()):
-            x_slope = slopes[0] * to_u + slopes[1] * to_v
-            y_slope = slopes[2] * to_u + slopes[3] * to_v
+        for j, (x_slope, y_slope) in enumerate(zip(x_slopes, y_slopes, strict=True)):
             along = x_slope * rays[0] + y_slope * rays[1]
             jacobians[0, j] = (x_slope - rays[0] * along) * per_length
             jacobians[1, j] = (y_slope - rays[1] * along) * per_length

@@ -143,6 +143,17 @@ def unit_circle(number: int) -> FloatArray:
     return frozen([np.cos(angle), np.sin(angle)])
 
 
+def own_normals(ellipse: Ellipse, number: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return x and y (m, number) of the outward unit normals of m ellipses' rims, in the ellipses' own axes.
+
+    At `number` points as of `Ellipse.points`, at eccentric angles p. And 1 / |(b cos p, a sin p)|.
+    """
+    unit_x, unit_y = unit_circle(number)
+    x, y = ellipse.semi_minor[:, None] * unit_x, ellipse.semi_major[:, None] * unit_y
+    per_norm = 1.0 / np.maximum(np.sqrt(x * x + y * y), 1e-12)
+    return x * per_norm, y * per_norm, per_norm
+
+
 def joined_ellipses(batches: Sequence[Ellipse]) -> Ellipse:
     """Return the ellipses of all batches as one."""
     return Ellipse(*(np.concatenate([getattr(e, field.name) for e in batches]) for field in fields(Ellipse)))

@@ -19,6 +19,7 @@ import numpy as np
 
 from circlepose._typing import FloatArray
 from circlepose.cone import plane_basis
+from circlepose.logistic import logistic
 from circlepose.rim_modes import MODES, mode_shapes, pose_amounts, pose_derivatives
 
 RADIUS_SHARE = 2e-3
@@ -244,8 +245,7 @@ def are_one(first: JointPose, second: JointPose) -> bool:
 
 def chance_of_second(first: float, second: float) -> float:
     """Return the probability of the second of two hypotheses, of which the log weights are given."""
-    against = float(np.exp(-abs(first - second)))
-    return (against if first > second else 1.0) / (1.0 + against)
+    return float(logistic(second - first))
 
 
 def _moved(pose: AxisPose, step: FloatArray) -> AxisPose:

@@ -7,16 +7,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from circlepose._typing import BoolArray, FloatArray, Image
+from circlepose._typing import FloatArray, Image
 from circlepose.camera import Camera
 from circlepose.cone import SIGNATURE
-from circlepose.conic import Ellipse, rim_distance, unit_circle
+from circlepose.conic import Ellipse
 from circlepose.extraction.contour import Contour
 from circlepose.extraction.rim import contour_normals, locate_edges
 from circlepose.fitting.consensus import local_scatter, on_one_ellipse
 from circlepose.fitting.determination import axis_errors
-from circlepose.fitting.direct import Contours
-from circlepose.fitting.quick_fit import fit_each
 from circlepose.fitting.thin_ellipse import STRUCTURED, ThinEllipse, are_thin, fit_thin_ellipse
 from circlepose.fitting.viewing_cone import (
     ConeFit,
@@ -27,8 +25,8 @@ from circlepose.fitting.viewing_cone import (
     fit_cone,
     fit_cone_to,
     rim_distance_px,
-    rim_distances_px,
 )
+from circlepose.rim_image import image_ellipses, residuals_px, rim_pixels
 from circlepose.rim_modes import amounts_between
 
 _REACH_PX = 2.5
@@ -51,7 +49,6 @@ _SCATTERS = 3.5
 _LEAST_AGREEING = 0.3
 """Share of the rim that must lie on one ellipse."""
 _THIN_PLACES = 180
-_OUTLINE_PLACES = 90
 _STEP_PX = 1e-4
 _SEGMENT_SIGMAS = 3.0
 _WHOLE = 0.8
@@ -286,41 +283,6 @@ def rim_from_fit(
     return Rim(fit, points, ellipses[0], rim_used, polarity, _axis_error_px(fit, len(points)))
 
 
-def image_ellipses(camera: Camera, factors: FloatArray) -> tuple[Ellipse, BoolArray]:
-    """Return the ellipses (m,) in the raw image of the rims of cones with `factors` (m, 3, 3), and which have one.
-
-    Under a distorting lens, those that fit best.
-    """
-    if camera.is_free_of_distortion:
-        return Ellipse.from_factor(camera.camera_matrix @ factors)
-    outlines = rim_pixels(camera, factors, _OUTLINE_PLACES)
-    seen = np.isfinite(outlines).all(axis=(1, 2))
-    outlines[~seen] = unit_circle(_OUTLINE_PLACES).T
-    ellipses, found = fit_each(outlines)
-    return ellipses, found & seen
-
-
 def _axis_error_px(fit: ConeFit, number: int) -> float:
     # Of n radial errors around the rim, two combine to make the axes long or short and as many unequal.
     return float(max(fit.rms_px, _LEAST_NOISE_PX) / np.sqrt(number / 4.0))
-
-
-def residuals_px(
-    camera: Camera, factors: FloatArray, ellipses: Ellipse, contours: Sequence[FloatArray]
-) -> list[FloatArray]:
-    """Return how far the points of each of m contours (n, 2) are from a rim, px, to first order, positive outside.
-
-    The rims are those of cones with `factors` (m, 3, 3), whose images the `ellipses` (m,) are, about.
-    """
-    every = Contours.of(list(contours))
-    if camera.is_free_of_distortion:
-        residuals = rim_distance(ellipses[every.owner], every.points[:, None])[:, 0]
-    else:
-        residuals = rim_distances_px(factors, every.owner, *camera.rays_with_jacobian(every.points))
-    return np.split(residuals, every.starts[1:])
-
-
-def rim_pixels(camera: Camera, factor: FloatArray, number: int) -> FloatArray:
-    """Return `number` pixels (..., number, 2) of the rim of the cone with `factor` (..., 3, 3); NaN where unseen."""
-    unit = np.stack([*unit_circle(number), np.ones(number)], axis=-1)
-    return camera.project(unit @ np.swapaxes(factor, -1, -2))

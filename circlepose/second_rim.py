@@ -17,7 +17,8 @@ from circlepose.camera import Camera
 from circlepose.cone import factor_from_circle
 from circlepose.extraction.rim import contour_normals, locate_edges
 from circlepose.fitting.viewing_cone import ConeFit, SeenPoints, rim_distance_px
-from circlepose.measure import Rim, rim_from_fit, rim_pixels
+from circlepose.measure import Rim, rim_from_fit
+from circlepose.rim_image import rim_pixels
 from circlepose.ring_families import as_circle, find_families, other_heights
 from circlepose.target import Target
 

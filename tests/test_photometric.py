@@ -15,8 +15,9 @@ from circlepose.fitting.band import bands_around
 from circlepose.fitting.blurred_edge import LINEAR, Columns, fit_levels
 from circlepose.fitting.blurred_share import curved, places, straight
 from circlepose.fitting.viewing_cone import ConeFit
-from circlepose.measure import rim_from_fit, rim_pixels
+from circlepose.measure import rim_from_fit
 from circlepose.refinement import refined
+from circlepose.rim_image import rim_pixels
 from circlepose.rim_modes import amounts_between, dual_circle, grown
 from circlepose.synthesis.render import render
 from circlepose.synthesis.scene import Disc, Paint, Scene, Texture

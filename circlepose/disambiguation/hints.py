@@ -14,6 +14,7 @@ import numpy as np
 from circlepose._typing import FloatArray, IntArray, frozen
 from circlepose.cone import plane_basis
 from circlepose.errors import ArgumentError
+from circlepose.logistic import logistic
 from circlepose.vectors import cross
 
 _OUTLIER = 25.0
@@ -39,8 +40,7 @@ class Choice:
 def choose(log_likelihoods: FloatArray) -> Choice:
     """Choose the likelier candidate by `log_likelihoods` (m, 2), both as likely before."""
     odds = log_likelihoods[:, 0] - log_likelihoods[:, 1]
-    against = np.exp(-np.abs(odds))
-    return Choice(np.where(odds >= 0.0, 0, 1), frozen(against / (1.0 + against)))
+    return Choice(np.where(odds >= 0.0, 0, 1), frozen(logistic(-np.abs(odds))))
 
 
 def rough_normal(normals: FloatArray, direction: FloatArray, spread_deg: FloatArray | float) -> FloatArray:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from circlepose._typing import BoolArray, FloatArray, Image
-from circlepose.conic import Ellipse, unit_circle
+from circlepose.conic import Ellipse, own_normals
 
 _STEP_PX = 0.5
 _DIFFERENCE_VARIANCE = 1.0 / 12.0
@@ -50,16 +50,13 @@ class RimEdges:
 
 def ellipse_rim(ellipse: Ellipse, number: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return rim points (m, number, 2) of m ellipses, their outward unit normals, and their curvature (m, number)."""
-    unit_x, unit_y = unit_circle(number)
-    a, b = ellipse.semi_major[:, None], ellipse.semi_minor[:, None]
+    normal_x, normal_y, per_norm = own_normals(ellipse, number)
     cos, sin = np.cos(ellipse.angle)[:, None], np.sin(ellipse.angle)[:, None]
-    normal_x, normal_y = b * unit_x, a * unit_y
-    per_norm = 1.0 / np.maximum(np.sqrt(normal_x * normal_x + normal_y * normal_y), 1e-12)
-    normal_x, normal_y = normal_x * per_norm, normal_y * per_norm
     normals = np.empty((*normal_x.shape, 2))
     normals[..., 0] = cos * normal_x - sin * normal_y
     normals[..., 1] = sin * normal_x + cos * normal_y
-    return ellipse.points(number), normals, a * b * per_norm**3
+    area = (ellipse.semi_major * ellipse.semi_minor)[:, None]
+    return ellipse.points(number), normals, area * per_norm**3
 
 
 def edges_along(grey: Image, ellipse: Ellipse, reach_px: float, places: int, *, quick: bool = False) -> RimEdges:

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from circlepose._typing import BoolArray, FloatArray
-from circlepose.conic import Ellipse, unit_circle, wrap_half_turn
+from circlepose.conic import Ellipse, own_normals, unit_circle, wrap_half_turn
 
 _ROUNDS = 3
 _SCALES = (0.1, 1.0)
@@ -28,20 +28,19 @@ def fit_offsets(ellipse: Ellipse, offsets: FloatArray, valid: BoolArray) -> tupl
     """
     places = offsets.shape[1]
     cos, sin = unit_circle(places)
-    a, b = ellipse.semi_major[:, None], ellipse.semi_minor[:, None]
-    normal_x, normal_y = b * cos, a * sin
-    per_norm = 1.0 / np.maximum(np.sqrt(normal_x * normal_x + normal_y * normal_y), 1e-12)
-    stretch = a * b * per_norm
+    area = (ellipse.semi_major * ellipse.semi_minor)[:, None]
+    normal_x, normal_y, per_norm = own_normals(ellipse, places)
+    stretch = area * per_norm
     # In the ellipse's own frame, centred on it.
     slopes = np.empty((len(offsets), 5, places))
-    slopes[:, 0], slopes[:, 1] = normal_x * per_norm, normal_y * per_norm
+    slopes[:, 0], slopes[:, 1] = normal_x, normal_y
     slopes[:, 2], slopes[:, 4] = stretch * (cos * cos), stretch * (sin * sin)
     slopes[:, 3] = stretch * (2.0 * cos * sin)
     weights = valid.astype(np.float64)
     rows, median = np.arange(len(offsets)), np.count_nonzero(valid, axis=1) // 2
     ridge = np.zeros((len(offsets), 5, 5))
     ridge[:, range(5), range(5)] = _RIDGE
-    ridge[:, range(2, 5), range(2, 5)] *= np.maximum(a * b, 1.0)
+    ridge[:, range(2, 5), range(2, 5)] *= np.maximum(area, 1.0)
     for _ in range(_ROUNDS):
         weighted = slopes * weights[:, None]
         move = np.linalg.solve(weighted @ slopes.transpose(0, 2, 1) + ridge, weighted @ offsets[..., None])

@@ -105,8 +105,9 @@ def direct_cones(camera: Camera, contours: Sequence[FloatArray]) -> tuple[FloatA
     ellipses, found = fit_ellipses(Contours(np.nan_to_num(plane), every.starts))
     found &= every.total((~forward).astype(np.float64)) == 0.0
     factors = np.where(found[:, None, None], ellipses.factor, np.eye(3))
-    residuals = rim_distances_px(factors, every.owner, rays, jacobians)
-    return factors, np.split(np.where(found[every.owner], residuals, np.nan), every.starts[1:])
+    owner = every.owner
+    residuals = np.where(found[owner], rim_distances_px(factors, owner, rays, jacobians), np.nan)
+    return factors, np.split(residuals, every.starts[1:])
 
 
 def factor_from_ellipse(camera: Camera, ellipse: Ellipse) -> FloatArray | None:
