@@ -50,11 +50,12 @@ def refined(grey: Image, camera: Camera, rims: Sequence[Rim]) -> list[Rim]:
         sigma = np.exp(blur[:, 0])
         blurred = REACH_SIGMA * sigma > 1.1 * reach
         crowded = bands_that_meet(ellipses, reach + REACH_SIGMA * sigma, contrast)
-        order = [i for i in open_ if not again or blurred[i] or crowded[i] or (small[i] and len(open_) >= _MANY)]
+        expected = _expected(blur, variance) if again else Expected(blur, first_information(len(rims)))
+        is_unequal = len(open_) >= _MANY and expected.mean[:, 1:].any()
+        order = [i for i in open_ if not again or blurred[i] or crowded[i] or (small[i] and is_unequal)]
         if not order:
             break
         order.sort(key=lambda i: (is_curved(rims[i].ellipse), _perimeter(rims[i])))
-        expected = _expected(blur, variance) if again else Expected(blur, first_information(len(rims)))
         if again:
             reach = np.where(blurred, REACH_SIGMA * sigma, reach)
         neighbours = (ellipses, sigma, contrast.copy())

@@ -33,7 +33,7 @@ def light_of_neighbours(
     if len(ellipses) < 2:
         return light
     every = Ellipse.batch(ellipses)
-    first, second = np.nonzero(_meet(every, reach_px + _REACH_SIGMA * sigma_px, contrast, rims))
+    first, second = _pairs_that_meet(every, reach_px + _REACH_SIGMA * sigma_px, contrast, rims)
     if len(first) == 0:
         return light
     other = every[second]
@@ -49,26 +49,30 @@ def bands_that_meet(ellipses: Sequence[Ellipse], reach_px: FloatArray, contrast:
     """Tell (n,) which of n rims have another within `reach_px` (n,) whose `contrast` (n,) is known."""
     if len(ellipses) < 2:
         return np.zeros(len(ellipses), bool)
-    every = Ellipse.batch(ellipses)
+    every, met = Ellipse.batch(ellipses), np.zeros(len(ellipses), np.bool_)
     # In parts, so that what is in memory does not grow with the square of their number.
-    parts = np.split(np.arange(len(ellipses)), np.arange(_AT_ONCE, len(ellipses), _AT_ONCE))
-    return np.concatenate([_meet(every, reach_px, contrast, part).any(axis=1) for part in parts])
-
-
-def _meet(every: Ellipse, reach_px: FloatArray, contrast: FloatArray, rims: IntArray) -> BoolArray:
-    """Tell (m, n) whether rim j of n comes into the band of the i-th of the `rims` (m,), about."""
-    met = np.zeros((len(rims), len(contrast)), dtype=np.bool_)
-    others = np.flatnonzero(contrast != 0.0)
-    if len(others) == 0:
-        return met
-    own, other = every[rims], every[others]
-    (a, b), (other_a, other_b) = (own.semi_major, own.semi_minor), (other.semi_major, other.semi_minor)
-    gap = np.linalg.norm(own.center[:, None] - other.center[None], axis=-1)
-    reach = reach_px[rims, None]
-    touching = gap < a[:, None] + other_a[None] + reach
-    # Neither far inside the other.
-    touching &= (gap + a[:, None] + reach > other_b[None]) & (gap + other_a[None] + reach > b[:, None])
-    same = (gap < _SAME_PX) & (np.abs(a[:, None] - other_a[None]) < _SAME_PX)
-    same &= np.abs(b[:, None] - other_b[None]) < _SAME_PX
-    met[:, others] = touching & ~same
+    for start in range(0, len(ellipses), _AT_ONCE):
+        part = np.arange(start, min(start + _AT_ONCE, len(ellipses)))
+        met[part[_pairs_that_meet(every, reach_px, contrast, part)[0]]] = True
     return met
+
+
+def _pairs_that_meet(
+    every: Ellipse, reach_px: FloatArray, contrast: FloatArray, rims: IntArray
+) -> tuple[IntArray, IntArray]:
+    """Return the pairs of i and j where rim j of n comes into the band of the i-th of the `rims` (m,), about."""
+    others = np.flatnonzero(contrast != 0.0)
+    own, other = every[rims], every[others]
+    apart = own.center[:, None] - other.center
+    gap_square = apart[..., 0] ** 2 + apart[..., 1] ** 2
+    first, second = np.nonzero(gap_square < ((own.semi_major + reach_px[rims])[:, None] + other.semi_major) ** 2)
+    gap, reach = np.sqrt(gap_square[first, second]), reach_px[rims[first]]
+    own, other = own[first], other[second]
+    # Neither far inside the other.
+    met = (gap + own.semi_major + reach > other.semi_minor) & (gap + other.semi_major + reach > own.semi_minor)
+    met &= ~(
+        (gap < _SAME_PX)
+        & (np.abs(own.semi_major - other.semi_major) < _SAME_PX)
+        & (np.abs(own.semi_minor - other.semi_minor) < _SAME_PX)
+    )
+    return first[met], others[second[met]]

@@ -61,7 +61,7 @@ class ConeFit:
     @property
     def rms_px(self) -> float:
         """Root mean square of the residuals."""
-        return float(np.sqrt(np.mean(self.residuals_px**2)))
+        return float(np.sqrt(self.residuals_px @ self.residuals_px / len(self.residuals_px)))
 
 
 def fit_cone(camera: Camera, pixels: FloatArray, weights: FloatArray | None = None) -> ConeFit | None:
