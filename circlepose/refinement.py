@@ -40,6 +40,7 @@ def refined(grey: Image, camera: Camera, rims: Sequence[Rim]) -> list[Rim]:
     limits = level_limits(grey)
     done = list(rims)
     open_ = [i for i, rim in enumerate(rims) if rim.modes_covariance is None]
+    many = len(open_) >= _MANY
     reach = np.full(len(rims), REACH_PX)
     blur = start_blur(len(rims))
     variance = np.full((len(rims), 3), np.inf)
@@ -50,8 +51,8 @@ def refined(grey: Image, camera: Camera, rims: Sequence[Rim]) -> list[Rim]:
         sigma = np.exp(blur[:, 0])
         blurred = REACH_SIGMA * sigma > 1.1 * reach
         crowded = bands_that_meet(ellipses, reach + REACH_SIGMA * sigma, contrast)
-        expected = _expected(blur, variance) if again else Expected(blur, first_information(len(rims)))
-        is_unequal = len(open_) >= _MANY and expected.mean[:, 1:].any()
+        expected = _expected(blur, variance) if again and many else Expected(blur, first_information(len(rims)))
+        is_unequal = many and expected.mean[:, 1:].any()
         order = [i for i in open_ if not again or blurred[i] or crowded[i] or (small[i] and is_unequal)]
         if not order:
             break

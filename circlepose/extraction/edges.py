@@ -18,7 +18,7 @@ where most of an image is full of edges. (In white noise 6 times the median.)"""
 _LEAST_GRADIENT = 40.0
 """Floor of the high threshold (L1 Sobel units, 8 per grey level and px): a ramp of 5 levels a px."""
 _HYSTERESIS = 0.4
-_SAMPLES = 1 << 13
+_SAMPLES = 1 << 12
 """About so many pixels tell the gradient of noise."""
 
 

@@ -138,14 +138,13 @@ def _pixels_around(
     first = np.clip(np.ceil(rims.center[:, 1] - half), 0, height).astype(np.int64)
     last = np.clip(np.floor(rims.center[:, 1] + half) + 1, first, height).astype(np.int64)
     rows, owner = _runs(first, last - first), np.repeat(np.arange(len(rims)), last - first)
-    center = rims.center[owner]
-    dy = rows - center[:, 1]
-    left, right = _crossings(dy, (a + reach_px)[owner], (b + reach_px)[owner], rims.angle[owner])
-    start, end = np.ceil(center[:, 0] + left), np.floor(center[:, 0] + right) + 1.0
-    left, right = _crossings(dy, (a - reach_px)[owner], (b - reach_px)[owner], rims.angle[owner])
-    crossed = np.isfinite(left)
-    hole_start = np.where(crossed, np.ceil(center[:, 0] + left), end)
-    hole_end = np.where(crossed, np.floor(center[:, 0] + right) + 1.0, end)
+    x = rims.center[owner, 0]
+    off = np.array([[1.0], [-1.0]]) * reach_px
+    # Both (outer or inner, n); NaN where the inner ellipse is not crossed.
+    left, right = _crossings(rows - rims.center[owner, 1], (a + off)[:, owner], (b + off)[:, owner], rims.angle[owner])
+    (start, hole_start), (end, hole_end) = np.ceil(x + left), np.floor(x + right) + 1.0
+    crossed = np.isfinite(hole_start)
+    hole_start, hole_end = np.where(crossed, [hole_start, hole_end], end)
     # Neither sees NaN, of rows that are not crossed.
     starts, ends = np.fmin(np.fmax([[start, hole_end], [hole_start, end]], 0.0), width).astype(np.int64)
     lengths = np.maximum(ends - starts, 0)
@@ -172,11 +171,15 @@ def _runs(starts: IntArray, lengths: IntArray) -> IntArray:
 
 
 def _crossings(dy: FloatArray, a: FloatArray, b: FloatArray, angle: FloatArray) -> FloatArray:
-    """Return x (2, n), left and right, where rows at `dy` (n,) from the centres cross ellipses; NaN where not."""
+    """Return x (2, ..., n), left and right, where rows at `dy` (n,) from the centres cross ellipses; NaN where not.
+
+    Of axes `a` and `b` (..., n) and `angle` (n,).
+    """
     cos, sin = np.cos(angle), np.sin(angle)
     a, b = np.maximum(a, 0.0), np.maximum(b, 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
-        xx, xy, yy = (cos / a) ** 2 + (sin / b) ** 2, cos * sin * (a**-2.0 - b**-2.0), (sin / a) ** 2 + (cos / b) ** 2
+        aa, bb = 1.0 / (a * a), 1.0 / (b * b)
+        xx, xy, yy = cos * cos * aa + sin * sin * bb, cos * sin * (aa - bb), sin * sin * aa + cos * cos * bb
         under_root = (xy * dy) ** 2 - xx * (yy * dy**2 - 1.0)
         root = np.sqrt(np.where(under_root >= 0.0, under_root, np.nan))
         return np.stack([-xy * dy - root, -xy * dy + root]) / xx

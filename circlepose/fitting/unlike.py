@@ -58,6 +58,5 @@ def _medians(mean: FloatArray, counted: BoolArray) -> FloatArray:
     """Return the median (m, zones) over the stretches of `mean` (m, stretches, zones) that are `counted`."""
     ordered = np.sort(np.where(counted, mean, np.inf), axis=1)
     number = np.sum(counted, axis=1)
-    rims, zones = np.ix_(*map(np.arange, number.shape))
-    middle = ordered[rims, np.maximum(number - 1, 0) // 2, zones]
+    middle = ordered[np.arange(len(number))[:, None], np.maximum(number - 1, 0) // 2, np.arange(ZONES)]
     return np.where(number > 0, middle, 0.0)
