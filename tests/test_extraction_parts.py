@@ -28,7 +28,7 @@ def random_ellipses(number: int, seed: int = 3) -> Ellipse:
 
 
 def chains_of(*polygons: np.ndarray) -> Chains:
-    return Chains.of_borders([p.astype(np.int32)[:, None, :] for p in polygons], None, 1)
+    return Chains.of_borders([p.astype(np.int32)[:, None, :] for p in polygons], None, 1, size=1000)
 
 
 def drawn_chain(ellipse: Ellipse) -> np.ndarray:
@@ -70,7 +70,7 @@ def test_no_ellipse_through_a_line_or_a_point():
 
 def test_the_moments_of_a_chain_are_those_of_its_ellipse():
     truth = random_ellipses(12)
-    found, fullness = chains_of(*(drawn_chain(truth[i]) for i in range(12))).moment_ellipses()
+    found, fullness = chains_of(*(drawn_chain(truth[i]) for i in range(12))).moment_ellipses(np.arange(12))
     np.testing.assert_allclose(found.center, truth.center, atol=0.3)
     np.testing.assert_allclose(found.semi_major, truth.semi_major, atol=0.8)
     np.testing.assert_allclose(found.semi_minor, truth.semi_minor, atol=0.8)
@@ -80,7 +80,7 @@ def test_the_moments_of_a_chain_are_those_of_its_ellipse():
 def test_other_shapes_fill_less_of_their_ellipse():
     square = np.array([[0, 0], [100, 0], [100, 100], [0, 100]])
     there_and_back = np.array([[0, 0], [50, 10], [100, 0], [50, 10]])
-    _, fullness = chains_of(square, there_and_back).moment_ellipses()
+    _, fullness = chains_of(square, there_and_back).moment_ellipses(np.arange(2))
     np.testing.assert_allclose(fullness[0], 3.0 / np.pi, rtol=1e-9)
     assert fullness[1] < 0.01
 
@@ -99,7 +99,7 @@ def test_a_hole_knows_the_outer_border_of_its_edge():
     cv2.circle(image, (40, 40), 20, 255, 1)
     cv2.line(image, (90, 10), (92, 10), 255, 1)
     borders, hierarchy = cv2.findContours(image, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
-    chains = Chains.of_borders(borders, hierarchy, 12)
+    chains = Chains.of_borders(borders, hierarchy, 12, size=120)
     assert len(chains) == 2
     (hole,) = np.flatnonzero(chains.parents >= 0)
     assert chains.parents[hole] == 1 - hole

@@ -77,16 +77,16 @@ def arcs_of(chains: Chains) -> Arcs:
 
 def _is_cut(chains: Chains) -> BoolArray:
     """Tell (n,) at which points chains turn a corner, or begin to bend the other way."""
-    points = chains.points.astype(np.float64)
-    starts, sizes = np.repeat(chains.starts, chains.sizes), np.repeat(chains.sizes, chains.sizes)
-    place = np.arange(len(points)) - starts
+    points = chains.points.astype(np.float32)
+    starts, sizes = (np.repeat(each.astype(np.int32), chains.sizes) for each in (chains.starts, chains.sizes))
+    place = np.arange(len(points), dtype=np.int32) - starts
 
-    def shifted(by: int) -> IntArray:
-        moved = place + by
-        moved[moved < 0] += sizes[moved < 0]
-        over = moved >= sizes
-        moved[over] -= sizes[over]
-        return moved + starts
+    def shifted(by: int, which: IntArray | slice = slice(None)) -> IntArray:
+        moved = place[which] + by
+        moved += sizes[which] * (moved < 0)
+        moved -= sizes[which] * (moved >= sizes[which])
+        moved += starts[which]
+        return moved
 
     before = points - points[shifted(-_SPAN)]
     after = points[shifted(_SPAN)] - points
@@ -96,9 +96,11 @@ def _is_cut(chains: Chains) -> BoolArray:
     )
     size = np.abs(turn)
     sharp = np.flatnonzero(size > _CORNER_RAD + _CORNER_TURNS * 2.0 * np.pi * _SPAN / sizes)
-    around = (place[sharp][:, None] + np.arange(-_SPAN, _SPAN + 1)) % sizes[sharp][:, None] + starts[sharp][:, None]
+    sharpest = size[sharp]
+    for by in range(-_SPAN, _SPAN + 1):
+        np.maximum(sharpest, size[shifted(by, sharp)], out=sharpest)
     cut = np.zeros(len(points), dtype=np.bool_)
-    cut[sharp[size[sharp] == size[around].max(axis=1)]] = True
+    cut[sharp[size[sharp] == sharpest]] = True
     bends = np.flatnonzero(size > _BEND_RAD)
     # The bend before, of the same chain: of its first, the last.
     before_it = np.roll(bends, 1)

@@ -129,14 +129,13 @@ def _closed(chains: Chains, whole: BoolArray) -> tuple[Ellipse, BoolArray, BoolA
     """Return the ellipses that chains enclose, one for each edge, which (m,) enclose one, and which closely."""
     index = np.flatnonzero(whole)
     parent = chains.parents[index]
-    chosen = chains[index]
     if len(index) == 0:
         return _no_ellipses(), np.zeros(len(chains), np.bool_), np.zeros(len(chains), np.bool_)
-    ellipse, fullness = chosen.moment_ellipses()
+    ellipse, fullness = chains.moment_ellipses(index)
     good = np.abs(fullness - 1.0) <= 1.0 - _LEAST_FULLNESS
     good &= ellipse.semi_minor >= 1.0
     kept = np.flatnonzero(good)
-    distance = rim_distance(ellipse[kept], chosen.samples(_SAMPLES)[kept])
+    distance = rim_distance(ellipse[kept], chains.samples(index[kept], _SAMPLES))
     rms = np.sqrt(np.mean(distance**2, axis=1))
     good[kept] = rms < np.maximum(_CLOSED_RMS_PX, _ROUGH_RMS_SHARE * 2.0 * ellipse.semi_minor[kept])
     is_closed, is_settled = np.zeros(len(chains), np.bool_), np.zeros(len(chains), np.bool_)
@@ -161,9 +160,8 @@ def _opened(
     index = index[np.argsort(-chains.sizes[rest[index]], kind="stable")[:_MOST_OPEN]]
     if len(index) == 0:
         return _no_ellipses(), settled, fits
-    chosen = chains[rest[index]]
-    samples = chosen.samples(_SAMPLES)
-    ellipse, good, _ = _trimmed(samples, chosen.sizes.astype(np.float64))
+    samples = chains.samples(rest[index], _SAMPLES)
+    ellipse, good, _ = _trimmed(samples, chains.sizes[rest[index]].astype(np.float64))
     distance = np.abs(rim_distance(ellipse, samples))
     # With less of it on the ellipse its arcs say more.
     good &= np.mean(distance < _near(ellipse)[:, None], axis=1) >= _MOSTLY

@@ -13,15 +13,15 @@ from circlepose._typing import BoolArray, FloatArray, IntArray
 from circlepose.conic import Ellipse, joined_ellipses
 
 _CORNERS = 64
-_AT_ONCE = 512
+_AT_ONCE = 128
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Chains:
     """Closed chains of neighbouring pixels: chain i holds `points[starts[i] : starts[i] + sizes[i]]`."""
 
-    points: NDArray[np.int32]
-    """(n, 2) px"""
+    points: NDArray[np.signedinteger[Any]]
+    """(n, 2) px; of 16 bits where these do, as a page of text has more points than pixels"""
     starts: IntArray
     """(m,)"""
     sizes: IntArray
@@ -30,17 +30,25 @@ class Chains:
     """(m,) of a hole's border the outer border of the same edge; -1 where there is none"""
 
     @classmethod
-    def of_borders(cls, borders: Sequence[NDArray[Any]], hierarchy: NDArray[Any] | None, shortest: int) -> Self:
-        """Join borders (k, 1, 2) as OpenCV finds them, `hierarchy` that of RETR_CCOMP, but for those too short."""
+    def of_borders(
+        cls, borders: Sequence[NDArray[Any]], hierarchy: NDArray[Any] | None, shortest: int, *, size: int
+    ) -> Self:
+        """Join borders (k, 1, 2) as OpenCV finds them, but for those too short; `hierarchy` is that of RETR_CCOMP.
+
+        The longer side of the image is `size` px.
+        """
+        kind: type[np.signedinteger[Any]] = np.int16 if size <= np.iinfo(np.int16).max else np.int32
         sizes = np.fromiter(map(len, borders), np.int64, len(borders))
         chosen = np.flatnonzero(sizes >= shortest)
         parents = np.full(len(borders), -1) if hierarchy is None else hierarchy[0, :, 3].astype(np.int64)
         # Where the parent was too short there is none.
         place = np.full(len(borders) + 1, -1)
         place[chosen] = np.arange(len(chosen))
-        points = [borders[i] for i in chosen.tolist()]
+        joined = np.empty((int(sizes[chosen].sum()), 1, 2), kind)
+        if len(chosen):
+            np.concatenate([borders[i] for i in chosen.tolist()], out=joined, casting="same_kind")
         return cls(
-            points=np.concatenate(points)[:, 0, :] if points else np.empty((0, 2), np.int32),
+            points=joined[:, 0],
             starts=np.cumsum(sizes[chosen]) - sizes[chosen],
             sizes=sizes[chosen],
             parents=place[parents[chosen]],
@@ -75,28 +83,25 @@ class Chains:
             return np.empty(0)
         return np.add.reduceat(marked.astype(np.int64), self.starts) / self.sizes
 
-    def samples(self, number: int) -> FloatArray:
-        """(m, number, 2) px evenly taken from each chain."""
-        steps = (np.arange(number)[None, :] * self.sizes[:, None]) // number
-        return self.points[self.starts[:, None] + steps].astype(np.float64)
+    def samples(self, which: IntArray, number: int) -> FloatArray:
+        """(k, number, 2) px evenly taken from each of the chains `which` (k,)."""
+        steps = (np.arange(number)[None, :] * self.sizes[which, None]) // number
+        return self.points[self.starts[which, None] + steps].astype(np.float64)
 
-    def moment_ellipses(self) -> tuple[Ellipse, FloatArray]:
-        """Return the ellipse with the area moments (up to the second) of what each chain encloses.
+    def moment_ellipses(self, which: IntArray) -> tuple[Ellipse, FloatArray]:
+        """Return the ellipse with the area moments (up to the second) of what each of the chains `which` encloses.
 
-        And (m,) the enclosed area over that of the ellipse: 1 for an ellipse, less for any other shape, about 0
+        And (k,) the enclosed area over that of the ellipse: 1 for an ellipse, less for any other shape, about 0
         for a chain that goes there and back. Green's theorem over a polygon of 64 of its points.
         """
         # Of a page of text there are thousands: in parts, so that what is in memory is bounded.
-        parts = [self._moments(first) for first in range(0, max(len(self), 1), _AT_ONCE)]
+        parts = [self._moments(which[i : i + _AT_ONCE]) for i in range(0, max(len(which), 1), _AT_ONCE)]
         ellipses, fullness = zip(*parts, strict=True)
         return joined_ellipses(ellipses), np.concatenate(fullness)
 
-    def _moments(self, first: int) -> tuple[Ellipse, FloatArray]:
-        """As `moment_ellipses`, of the chains from `first` on, as many as are taken at once."""
-        starts, sizes = (each[first : first + _AT_ONCE] for each in (self.starts, self.sizes))
-        origin = self.points[starts]
-        steps = (np.arange(_CORNERS)[None, :] * sizes[:, None]) // _CORNERS
-        corners = self.points[starts[:, None] + steps].astype(np.float64) - origin[:, None, :]
+    def _moments(self, which: IntArray) -> tuple[Ellipse, FloatArray]:
+        origin = self.points[self.starts[which]]
+        corners = self.samples(which, _CORNERS) - origin[:, None, :]
         x, y = corners[..., 0], corners[..., 1]
         following = np.concatenate([corners[:, 1:], corners[:, :1]], axis=1)
         u, v = following[..., 0], following[..., 1]

@@ -39,7 +39,7 @@ def border_chains(grey8: Image, shortest: int) -> Chains:
                 borders.append(points)
                 scores.append(score)
     best = [borders[i][:, None, :].astype(np.int32) for i in _best_of_nests(borders, np.array(scores))]
-    return Chains.of_borders(best, None, shortest)
+    return Chains.of_borders(best, None, shortest, size=max(grey8.shape))
 
 
 def _thresholds(grey8: Image) -> FloatArray:

@@ -32,10 +32,10 @@ def on_one_ellipse(points: FloatArray, usable: BoolArray, near_px: FloatArray, d
     rows = np.arange(rims)[:, None, None, None]
     drawn = points[rows, order[rows, chosen]].reshape(rims * draws, -1, 2)
     ellipses, found = fit_each(drawn)
-    repeated = np.repeat(points, draws, axis=0)
-    near = (np.abs(rim_distance(ellipses, repeated)) <= np.repeat(near_px, draws)[:, None]).reshape(
-        rims, draws, places
-    )
+    # Of one rim at a time, which bounds the memory.
+    near = np.empty((rims, draws, places), np.bool_)
+    for i in range(rims):
+        near[i] = np.abs(rim_distance(ellipses[i * draws : (i + 1) * draws], points[i])) <= near_px[i]
     near &= usable[:, None, :] & found.reshape(rims, draws, 1)
     best = np.argmax(np.count_nonzero(near, axis=2), axis=1)
     return np.asarray(near[np.arange(rims), best])

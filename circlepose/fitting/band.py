@@ -141,7 +141,9 @@ def _pixels_around(
     x = rims.center[owner, 0]
     off = np.array([[1.0], [-1.0]]) * reach_px
     # Both (outer or inner, n); NaN where the inner ellipse is not crossed.
-    left, right = _crossings(rows - rims.center[owner, 1], (a + off)[:, owner], (b + off)[:, owner], rims.angle[owner])
+    left, right = _crossings(
+        rows - rims.center[owner, 1], (a + off)[:, owner], (b + off)[:, owner], rims.angle[owner]
+    )
     (start, hole_start), (end, hole_end) = np.ceil(x + left), np.floor(x + right) + 1.0
     crossed = np.isfinite(hole_start)
     hole_start, hole_end = np.where(crossed, [hole_start, hole_end], end)
