@@ -6,8 +6,10 @@ import numpy as np
 
 from circlepose._typing import FloatArray, IntArray, RealArray
 
-_JOINED = ((1, 1.0), (2, 1.5), (4, 2.0))
-"""Neighbouring stretches taken together, each time twice as many, and the correlation from which these count."""
+_JOINED = (1, 2, 4)
+"""Neighbouring stretches taken together, each time twice as many."""
+_CHANCE = 2.5
+"""Standard deviations of the sum over independent residuals that a correlation must be above to count."""
 
 
 def correlation_of(
@@ -18,7 +20,7 @@ def correlation_of(
     The scores (m, 8, k) of independent residuals, summed by stretch, scatter as the information says. Where
     neighbours err alike (texture, a model that does not hold), they scatter more, and so does the estimate.
     `stretch` (m, k) of each pixel, of `numbers` (m,) in all for each rim. Coarse texture shows in joined stretches
-    only, of which there are few: there more is asked of it.
+    only, of which there are few: there chance makes more of it.
     """
     rims, most, parameters = len(matrix), int(numbers.max()), matrix.shape[-1]
     flat = (stretch + most * np.arange(rims)[:, None]).ravel()
@@ -28,11 +30,14 @@ def correlation_of(
     inverse = np.linalg.inv(matrix)
     largest = np.ones(rims)
     joined = 1
-    for more, least in _JOINED:
+    for more in _JOINED:
         if more > joined:
             sums = sums + np.concatenate([sums[:, joined:], sums[:, :joined]], axis=1)
             joined = more
         total = np.sum((sums @ inverse) * sums, axis=(1, 2)) / joined
-        ratio = total / (parameters * variance)
-        largest = np.maximum(largest, np.where(ratio > least, ratio, 1.0))
+        # The fit has taken out as much as its parameters could: of so many stretches, about this share is left. Both
+        # this and the scatter by chance are as rendered discs of 12 to 72 stretches have them.
+        number = numbers / joined
+        ratio = total / (parameters * variance) * (1.0 + parameters / number)
+        largest = np.maximum(largest, np.where(ratio > 1.0 + _CHANCE / np.sqrt(number), ratio, 1.0))
     return largest

@@ -30,8 +30,6 @@ _LEAST_MOTTLED_PX = 80.0
 """Perimeter from which texture is looked for."""
 _WORST_CONDITION = 1e14
 _RIDGE = 1e-12
-_CORRELATED = 1.1
-"""Residuals that go together by more than this may be texture's; by less they do by chance."""
 _SHOWS = 4.0
 """Log likelihood by which levels with texture are to be preferred."""
 _LOOSE_TEXTURE, _TEXTURE_SIZES = 0.1, np.geomspace(1e-3, 0.1, 13)
@@ -148,7 +146,7 @@ def fit_to_levels(
     rim_used = 1.0 - np.array([row[:n, AT_RIM].mean() for row, n in zip(left_out, stretches, strict=True)])
     stretch = (cells // ZONES) % left_out.shape[1]
     told = _told(fit, bands, expected, stretch, stretches, rim_used, stiff)
-    doubtful = told.correlation > _CORRELATED
+    doubtful = told.correlation > 1.0
     if far is not None:
         doubtful |= ~far.goes_on
     which = np.flatnonzero(told.converged & doubtful & (perimeter_px > _LEAST_MOTTLED_PX))
