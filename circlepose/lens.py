@@ -21,6 +21,8 @@ from circlepose._typing import FloatArray
 PINHOLE_COUNTS = (0, 4, 5, 8, 12, 14)
 FISHEYE_COUNT = 4
 _LAST_STEP = 1e-7
+_FEW_ROUNDS, _MORE_ROUNDS = 6, 24
+"""Newton's steps for all pixels, and more for those that need them."""
 _SEARCH_RADIUS = 20.0
 """tan of the largest field angle considered for a pinhole model (87 deg off axis)."""
 
@@ -71,26 +73,44 @@ def undistort_pinhole(
         return u, v, (1.0, 0.0, 0.0, 1.0)
     k = _fourteen(dist_coeffs)
     limit = valid_radius(tuple(dist_coeffs))
-    x, y = u, v
     with np.errstate(all="ignore"):
-        for _ in range(60):
-            seen_u, seen_v, xx, xy, yx, yy = _distorted(x, y, k)
-            miss_u, miss_v = u - seen_u, v - seen_v
-            per_determinant = 1.0 / (xx * yy - xy * yx)
-            step_x = (yy * miss_u - xy * miss_v) * per_determinant
-            step_y = (xx * miss_v - yx * miss_u) * per_determinant
-            length = np.sqrt(step_x * step_x + step_y * step_y)
-            # Near a fold Newton leaps; half the field at a time is always enough to come back.
-            longest = 0.25 * (1.0 + np.sqrt(x * x + y * y))
-            short = np.minimum(1.0, longest / np.maximum(length, 1e-300))
-            x, y = x + step_x * short, y + step_y * short
-            # The square of the last step remains.
-            if np.nanmax(length, initial=0.0) <= _LAST_STEP:
-                break
+        found = [*map(np.asarray, _undistorted(u, v, u, v, k, _FEW_ROUNDS))]
+        # A pixel that the lens model has no light for never comes to rest; the others need not wait for it.
+        late = ~(found[2] <= _LAST_STEP)
+        if late.any():
+            more = _undistorted(u[late], v[late], found[0][late], found[1][late], k, _MORE_ROUNDS)
+            for values, again in zip(found, more, strict=True):
+                values[late] = again
+        x, y, length, xx, xy, yx, yy = found
+        per_determinant = 1.0 / (xx * yy - xy * yx)
         good = (length <= _LAST_STEP) & (per_determinant > 0.0) & (np.hypot(x, y) < limit)
         per_determinant = np.where(good, per_determinant, np.nan)
     slopes = (yy * per_determinant, -xy * per_determinant, -yx * per_determinant, xx * per_determinant)
     return np.where(good, x, np.nan), np.where(good, y, np.nan), slopes
+
+
+def _undistorted(
+    u: FloatArray, v: FloatArray, x: FloatArray, y: FloatArray, coefficients: FloatArray, rounds: int
+) -> tuple[FloatArray, ...]:
+    """Find x and y, from some start on, that are seen at u and v, by Newton's iteration; returns also the last step.
+
+    And du/dx, du/dy, dv/dx, dv/dy where that was made.
+    """
+    for _ in range(rounds):
+        seen_u, seen_v, xx, xy, yx, yy = _distorted(x, y, coefficients)
+        miss_u, miss_v = u - seen_u, v - seen_v
+        per_determinant = 1.0 / (xx * yy - xy * yx)
+        step_x = (yy * miss_u - xy * miss_v) * per_determinant
+        step_y = (xx * miss_v - yx * miss_u) * per_determinant
+        length = np.sqrt(step_x * step_x + step_y * step_y)
+        # Near a fold Newton leaps; half the field at a time is always enough to come back.
+        longest = 0.25 * (1.0 + np.sqrt(x * x + y * y))
+        short = np.minimum(1.0, longest / np.maximum(length, 1e-300))
+        x, y = x + step_x * short, y + step_y * short
+        # The square of the last step remains.
+        if np.nanmax(length, initial=0.0) <= _LAST_STEP:
+            break
+    return x, y, length, xx, xy, yx, yy
 
 
 def _fourteen(dist_coeffs: FloatArray) -> FloatArray:
