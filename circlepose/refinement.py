@@ -13,6 +13,7 @@ from circlepose.camera import Camera
 from circlepose.fitting.band import bands_around, beyond_bands
 from circlepose.fitting.neighbours import bands_that_meet, light_of_neighbours
 from circlepose.fitting.photometric import Expected, fit_to_levels
+from circlepose.fitting.rows import rows
 from circlepose.fitting.setting import (
     LOOSE,
     REACH_PX,
@@ -69,7 +70,7 @@ def refined(grey: Image, camera: Camera, rims: Sequence[Rim]) -> list[Rim]:
                 bands,
                 np.stack([done[i].cone.factor for i in chunk]),
                 blur[which],
-                expected[which],
+                rows(expected, which),
                 np.array([_perimeter(rims[i]) for i in chunk]),
                 limits,
                 beside=light_of_neighbours(bands.pixels, which, *neighbours, reach),

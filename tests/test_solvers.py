@@ -84,7 +84,7 @@ def test_the_contour_route_is_exact_up_to_its_sampling(case):
     exact = chen_huang_poses(case)
     position, angle = nearest_candidate(*exact, centers[0], normals[0])
     # The parabolas leave about 1e-4 of the chords' lengths, and tilts near frontal take the root of that.
-    assert position <= 5e-3
+    assert position <= 7e-3
     assert angle <= 3e-2
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from circlepose._typing import BoolArray, FloatArray, Image, IntArray, RealArray
+from circlepose._typing import FloatArray, Image, IntArray, RealArray
 from circlepose.camera import Camera
 from circlepose.conic import Ellipse, unit_circle
 
@@ -29,15 +29,6 @@ class Bands:
     """(m, 3, 3, k) rays of any length, and beside each its derivatives to the pixel's x and y"""
     pixels: FloatArray
     """(m, k, 2)"""
-
-    def __getitem__(self, which: BoolArray | IntArray) -> Bands:
-        """Return the bands of the rims `which` (m,)."""
-        return Bands(
-            self.levels[which],
-            self.weight[which],
-            self.rays[which],
-            self.pixels[which],
-        )
 
     def less(self, light: RealArray) -> Bands:
         """Return the same pixels with `light` (m, k) taken off their levels."""

@@ -12,6 +12,7 @@ from circlepose.fitting.band import Bands
 from circlepose.fitting.blurred_edge import Columns, Equations, Levels, fit_levels
 from circlepose.fitting.blurred_share import BLUR, Places, Share, places
 from circlepose.fitting.far_levels import FarLevels
+from circlepose.fitting.rows import put_rows, rows
 from circlepose.fitting.unlike import QUANTIZATION
 from circlepose.rim_modes import MODES, grown
 
@@ -84,13 +85,14 @@ def descend(
 ) -> Descent:
     """Fit the rims from where they are `seen`; `prior` (m, 3) pulls the blurs to `mean` (m, 3).
 
-    A step whose second order is below `short` standard errors is the last, and taken unseen.
+    A step whose second order is below `short` standard errors is the last, and taken unseen. What is in `seen` is
+    written over where rims move: no copy is made of that much.
     """
     factors, blur = seen.factors.copy(), seen.blur.copy()
     every = np.arange(len(factors))
 
     def evaluate(now: Seen, which: IntArray) -> tuple[Levels, Equations, FloatArray]:
-        state = fit_levels(now.columns, stiff[which], None if far is None else far[which])
+        state = fit_levels(now.columns, stiff[which], None if far is None else rows(far, which))
         found = state.normal_equations()
         off = now.blur - mean[which]
         found.gradient[:, MODES:] += prior[which] * off
@@ -102,7 +104,6 @@ def descend(
     counted = np.maximum(np.sum(bands.weight, axis=1), 1.0)
     running = np.ones(len(factors), dtype=np.bool_)
     ahead = np.zeros((len(factors), MODES + BLUR))
-    is_current = True
     for _ in range(_STEPS):
         diagonal = np.einsum("mii->mi", matrix) + 1e-12
         damped = matrix + (diagonal * damping[:, None])[:, :, None] * np.eye(MODES + BLUR)
@@ -119,7 +120,7 @@ def descend(
         which = np.flatnonzero(running)
         if len(which) == 0:
             break
-        some = bands if len(which) == len(every) else bands[which]
+        some = bands if len(which) == len(every) else rows(bands, which)
         moved_to = _after(factors[which], blur[which], step[which])
         trial = Seen.of(some, *moved_to, shares, textured=seen.textured)
         new_state, new_equations, new_cost = evaluate(trial, which)
@@ -132,12 +133,9 @@ def descend(
         if len(taken) == len(every):
             current, state, equations = trial, new_state, new_equations
         elif len(taken):
-            is_current = False
+            those = None if better.all() else np.flatnonzero(better)
+            put_rows((current, state, equations), taken, (trial, new_state, new_equations), those)
     converged = ~running & (damping < _MOST_DAMPING)
-    if not is_current:
-        current = Seen.of(bands, factors, blur, shares, textured=seen.textured)
-        state, equations, _ = evaluate(current, every)
-        ahead[:] = 0.0
     return Descent(factors, blur, converged, current, state, equations, ahead)
 
 

@@ -12,7 +12,7 @@ from typing import Self
 
 import numpy as np
 
-from circlepose._typing import BoolArray, FloatArray, IntArray
+from circlepose._typing import BoolArray, FloatArray
 from circlepose.fitting.band import Beyond
 from circlepose.fitting.blurred_edge import LINEAR
 from circlepose.fitting.blurred_share import SHAPES, harmonics
@@ -36,10 +36,6 @@ class FarLevels:
     """(m,)"""
     goes_on: BoolArray
     """(m,) both sides are asked"""
-
-    def __getitem__(self, which: BoolArray | IntArray) -> Self:
-        """Return the sums of the rims `which` (m,)."""
-        return type(self)(self.gram[which], self.right[which], self.square[which], self.goes_on[which])
 
     @classmethod
     def of(

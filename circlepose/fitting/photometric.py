@@ -6,7 +6,7 @@ Stretches of the rim whose residuals are unlike the others' (something hides or 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,14 +17,14 @@ from circlepose.fitting.blurred_share import BLUR, curved, straight
 from circlepose.fitting.correlation import correlation_of
 from circlepose.fitting.descent import SHORT_FIRST, Descent, Seen, Shares, descend, with_prior
 from circlepose.fitting.far_levels import FarLevels
-from circlepose.fitting.unlike import AT_RIM, QUANTIZATION, ZONES, cells_of, unlike_others
+from circlepose.fitting.rows import put_rows, rows
+from circlepose.fitting.telling import Pixels
+from circlepose.fitting.unlike import AT_RIM, QUANTIZATION
 from circlepose.rim_modes import MODES
 
 _ROUNDS = 3
 _FEW_PIXELS = 800
 """A band several times longer is fitted to about so many of its pixels first."""
-_STRETCH_PX = 8.0
-_STRETCHES = (12, 72)
 _LEAST_PIXELS = 40
 _LEAST_MOTTLED_PX = 80.0
 """Perimeter from which texture is looked for."""
@@ -44,10 +44,6 @@ class Expected:
     """(m, 3)"""
     information: FloatArray
     """(m, 3) inverse variances; 0 where nothing is known"""
-
-    def __getitem__(self, which: IntArray) -> Expected:
-        """Return what is known of the rims `which` (n,)."""
-        return Expected(self.mean[which], self.information[which])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,17 +73,6 @@ class LevelsFit:
     stiff: FloatArray
     """(m, 11) of the levels, see `blurred_edge.stiffness`"""
 
-    def __getitem__(self, which: IntArray) -> LevelsFit:
-        """Return the fits of the rims `which` (n,)."""
-        return LevelsFit(*(getattr(self, field.name)[which] for field in fields(self)))
-
-    def with_those(self, which: IntArray, others: LevelsFit) -> LevelsFit:
-        """Return the same with the fits of the rims `which` (n,) replaced by `others`."""
-        every = {field.name: getattr(self, field.name).copy() for field in fields(self)}
-        for name, values in every.items():
-            values[which] = getattr(others, name)
-        return LevelsFit(**every)
-
 
 def fit_to_levels(
     bands: Bands,
@@ -109,51 +94,51 @@ def fit_to_levels(
     """
     shares = curved if is_curved else straight
     radius_px = perimeter_px / (2.0 * np.pi)
-    given = bands.weight > 0.0
-    stretches = np.clip(perimeter_px / _STRETCH_PX, *_STRETCHES).astype(np.int64)
-    left_out = np.zeros((len(factors), int(stretches.max()), ZONES), dtype=np.bool_)
-    dark, light = bands.levels <= limits[0], bands.levels >= limits[1]
-    added = 0.0 if beside is None else beside
+    pixels = Pixels.of(bands, perimeter_px, limits, beside)
+    weight = bands.weight.copy()
+    bands = Bands(pixels.levels, bands.weight.copy(), bands.rays, bands.pixels)
     if beside is not None:
-        bands = bands.less(beside)
         # What others add is not known that well: it may be uneven, as shading is on a large disc.
         radius_px = np.where(np.any(beside != 0.0, axis=1), np.inf, radius_px)
     seen, state = _plain_edge(bands, factors, blur, expected, radius_px, shares)
+    now, left_out, stretch = pixels.telling(slice(None), seen, state, weight)
+    which = np.flatnonzero(np.any(now != weight, axis=1))
+    weight[which] = now[which]
+    bands = bands.weighted(weight)
+    if len(which):
+        put_rows(seen, which, rows(seen, which).weighted(rows(bands, which)))
+    variance = _variance(state.square, bands)
+    stiff = stiffness(variance, state.contrast, radius_px)
+    prior = variance[:, None] * expected.information
     far = None
-    for number in range(_ROUNDS):
-        cells = cells_of(seen.at, np.exp(seen.blur[:, 0]), stretches, left_out.shape)
-        # A clipped level tells only where the model would have it on this side of the clip.
-        model = state.model + added
-        tells = given & ~((light & (model >= limits[1])) | (dark & (model <= limits[0])))
-        misfit = state.model - bands.levels
-        left_out = unlike_others(misfit, tells, bands.weight, cells, state.contrast, left_out.shape)
-        weight = (tells & ~left_out.ravel()[cells]).astype(bands.weight.dtype)
-        same = np.array_equal(weight, bands.weight)
-        if number > 0 and same:
+    if beyond is not None:
+        far = FarLevels.of(beyond, seen.factors, _levels_ahead(state, prior, variance), variance)
+    fit = descend(bands, seen, shares, stiff, prior, expected.mean, far)
+    # Only rims of which something was left out look different now. (What is in `weight`, that is in `bands`.)
+    for _ in range(_ROUNDS - 1 if len(which) else 0):
+        now, left_out[which], stretch[which] = pixels.telling(which, fit.seen, fit.state, weight)
+        changed = np.flatnonzero(np.any(now != weight[which], axis=1))
+        if len(changed) == 0:
             break
-        if not same:
-            bands = bands.weighted(weight)
-            seen = seen.weighted(bands)
-        variance = _variance(state.square, bands)
-        stiff = stiffness(variance, state.contrast, radius_px)
-        prior = variance[:, None] * expected.information
-        if beyond is not None and far is None:
-            far = FarLevels.of(beyond, seen.factors, _levels_ahead(state, prior, variance), variance)
-        fit = descend(bands, seen, shares, stiff, prior, expected.mean, far)
-        seen, state = fit.seen, fit.state
-        if same:
-            break
+        which = which[changed]
+        weight[which] = now[changed]
+        some = rows(bands, which)
+        variance[which] = _variance(fit.state.square[which], some)
+        stiff[which] = stiffness(variance[which], fit.state.contrast[which], radius_px[which])
+        prior[which] = variance[which, None] * expected.information[which]
+        setting = rows((stiff, prior, expected.mean, far), which)
+        put_rows(fit, which, descend(some, rows(fit.seen, which).weighted(some), shares, *setting))
+    stretches = pixels.stretches
     rim_used = 1.0 - np.array([row[:n, AT_RIM].mean() for row, n in zip(left_out, stretches, strict=True)])
-    stretch = (cells // ZONES) % left_out.shape[1]
     told = _told(fit, bands, expected, stretch, stretches, rim_used, stiff)
     doubtful = told.correlation > 1.0
     if far is not None:
         doubtful |= ~far.goes_on
     which = np.flatnonzero(told.converged & doubtful & (perimeter_px > _LEAST_MOTTLED_PX))
-    if len(which) == 0:
-        return told
-    again, better = _textured(told[which], bands[which], expected[which], stretch[which], stretches[which], shares)
-    return told.with_those(which[better], again)
+    if len(which):
+        again, better = _textured(*rows((told, bands, expected, stretch, stretches), which), shares)
+        put_rows(told, which[better], again)
+    return told
 
 
 def _plain_edge(
@@ -199,15 +184,15 @@ def _textured(
     stiff[:, kept:side] = stiff[:, side + kept : -1] = (variance / texture**2)[:, None]
     shows = np.flatnonzero(gain > _SHOWS)
     if len(shows) == 0:
-        return told[shows], shows
+        return rows(told, shows), shows
     if len(shows) < len(gain):
-        told, bands, expected = told[shows], bands[shows], expected[shows]
-        stretch, stretches, stiff, prior = stretch[shows], stretches[shows], stiff[shows], prior[shows]
+        told, bands, expected = rows((told, bands, expected), shows)
+        stretch, stretches, stiff, prior = rows((stretch, stretches, stiff, prior), shows)
         seen = Seen.of(bands, told.factors, told.blur, shares, textured=True)
     fit = descend(bands, seen, shares, stiff, prior, expected.mean)
     again = _told(fit, bands, expected, stretch, stretches, told.rim_used, told.stiff)
     converged = np.flatnonzero(again.converged)
-    return again[converged], shows[converged]
+    return rows(again, converged), shows[converged]
 
 
 def _likeliest(levels: FloatArray, covariance: FloatArray, sizes: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from circlepose._typing import BoolArray, FloatArray, IntArray, RealArray
-from circlepose.fitting.blurred_share import Places
 
 QUANTIZATION = 1.0 / 12.0
 """Variance of rounding to whole levels: the noise of an image without noise."""
@@ -19,12 +18,21 @@ _ODD = 4.0
 _LEAST_IN_CELL = 4
 
 
-def cells_of(at: Places, sigma_px: FloatArray, stretches: IntArray, shape: tuple[int, int, int]) -> IntArray:
-    """Return (m, k) the cell that each pixel lies in, as an index into (m, stretches, zones) laid flat."""
-    turn = np.arctan2(at.plane[1], at.plane[0]) / (2.0 * np.pi) + 0.5
+def cells_of(
+    plane: tuple[RealArray, RealArray],
+    distance_px: RealArray,
+    sigma_px: FloatArray,
+    stretches: IntArray,
+    shape: tuple[int, int, int],
+) -> IntArray:
+    """Return (m, k) the cell that each pixel lies in, as an index into (m, stretches, zones) laid flat.
+
+    The pixels are those about m rims, see `Places`, each blurred by `sigma_px` (m,) and cut in `stretches` (m,).
+    """
+    turn = np.arctan2(plane[1], plane[0]) / (2.0 * np.pi) + 0.5
     stretch = np.minimum((turn * stretches[:, None]).astype(np.int64), stretches[:, None] - 1)
-    far = np.abs(at.distance_px) > _ZONE_SIGMA * sigma_px[:, None]
-    zone = np.where(far, np.where(at.distance_px < 0.0, 0, 2), AT_RIM)
+    far = np.abs(distance_px) > _ZONE_SIGMA * sigma_px[:, None]
+    zone = np.where(far, np.where(distance_px < 0.0, 0, 2), AT_RIM)
     rim = np.arange(shape[0])[:, None]
     return np.asarray((rim * shape[1] + stretch) * ZONES + zone)
 
