@@ -132,6 +132,28 @@ def test_a_hidden_stretch_is_left_out():
     assert np.max(np.abs(errors(scene, rim))) * 40.0 < 0.02
 
 
+def test_a_rim_is_fitted_together_with_others_as_it_is_alone():
+    """Of four discs apart one is seen as it is, one begins far off, one is hidden in part, one is mottled."""
+    first = disc_scene(30.0, 40.0, 9, noise=1.0)
+    disc, camera = first.targets[0], replace(first.camera, image_size=(420, 100))
+    step_mm = 100.0 / FOCAL * float(disc.center_mm[2])
+    discs = [replace(disc, center_mm=disc.center_mm + np.array([i * step_mm, 0.0, 0.0])) for i in range(4)]
+    discs[3] = replace(discs[3], paint=Paint(40.0, texture=Texture(5.0, 20.0, 3)))
+    scenes = [replace(first, camera=camera, targets=(each,)) for each in discs]
+    image = render(replace(scenes[0], targets=tuple(discs)))
+    image[40:60, 200:235] = 120
+    starts = [start(scene, off, 9) for scene, off in zip(scenes, (0.1, 0.5, 0.1, 0.1), strict=True)]
+    together = refined(image, camera, starts)
+    assert together[2].rim_used < 0.95 < together[0].rim_used
+    for rim, scene, begun in zip(together, scenes, starts, strict=True):
+        (alone,) = refined(image, camera, [begun])
+        error = np.sqrt(np.diagonal(alone.modes_covariance))
+        # How many pixels beyond the bands are sampled the longest rim of all says.
+        assert np.all(np.abs(errors(scene, rim) - errors(scene, alone)) < error)
+        np.testing.assert_allclose(np.diagonal(rim.modes_covariance), error**2, rtol=0.1)
+        assert rim.rim_used == alone.rim_used
+
+
 def test_discs_that_nearly_touch_do_not_pull_each_other():
     """Two discs with 2.5 px between their rims, each measured with the other beside it."""
     first = disc_scene(8.0, 1e-3, 8, noise=1.0)
