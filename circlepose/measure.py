@@ -116,13 +116,13 @@ def fit_rim(
         # The edges of a sliver say little of its tips, and where a part is hidden these say how long it is.
         if thin is not None or (is_sliver and contour.rim_used < _WHOLE):
             return thin
-    if start is not None and start.cone.rms_px < _FINEST_RMS_PX:
+    if start is not None and _is_smooth(start.cone, contour.points):
         return start
     fit = fit_cone(camera, contour.points)
     if fit is None:
         return None
     rim = rim_from_fit(camera, fit, contour.points, contour.rim_used, contour.polarity)
-    if rim is None or not refine or (start is not None and fit.rms_px < _FINEST_RMS_PX):
+    if rim is None or not refine or (start is not None and _is_smooth(fit, contour.points)):
         return rim
     rim = with_edges_placed(levels, camera, rim)
     return None if rim is not None and has_sharp_tips and not _spans(rim) else rim
@@ -155,12 +155,12 @@ def with_edges_placed(levels: Image, camera: Camera, rim: Rim) -> Rim | None:
         if placed is None:
             return None
         edges, places = placed
-        refined = _without_outliers(edges)
+        refined = _without_outliers(edges, factor)
         if refined is None:
             return None
         cone, used = refined
         scatter = max(local_scatter(used.pixels), _FINEST_PX / _SCATTERS)
-        whole = len(used) > _FULL_RIM * places and cone.rms_px < max(_SMOOTH * scatter, _FINEST_RMS_PX)
+        whole = len(used) > _FULL_RIM * places and _is_smooth(cone, used.pixels)
         if whole or places < _LEAST_PLACES:
             break
         # Something stands along part of the rim.
@@ -173,6 +173,11 @@ def with_edges_placed(levels: Image, camera: Camera, rim: Rim) -> Rim | None:
         factor = cone.factor
     again = rim_from_fit(camera, cone, used.pixels, len(used) / places, rim.polarity)
     return None if again is None else replace(again, score=rim.score)
+
+
+def _is_smooth(fit: ConeFit, points: FloatArray) -> bool:
+    """Tell whether `points` (n, 2) scatter about the rim fitted to them hardly more than about their neighbours."""
+    return fit.rms_px < _FINEST_RMS_PX or fit.rms_px < _SMOOTH * local_scatter(points)
 
 
 def _place_edges(
@@ -192,7 +197,7 @@ def _place_edges(
 def _with_all_near(fit: ConeFit, edges: SeenPoints, tolerance_px: float) -> tuple[ConeFit, SeenPoints] | None:
     """Fit again to all `edges` within `tolerance_px` of the rim of `fit`."""
     near = np.abs(rim_distance_px(fit.factor, edges.rays, edges.jacobians)) <= tolerance_px
-    again = fit_cone_to(edges[near])
+    again = fit_cone_to(edges[near], start=fit.factor)
     return None if again is None else (again, edges[near])
 
 
@@ -258,18 +263,22 @@ def _modes_covariance(camera: Camera, fitted: ThinEllipse, factor: FloatArray) -
     return np.asarray(slopes @ fitted.covariance @ slopes.T)
 
 
-def _without_outliers(edges: SeenPoints) -> tuple[ConeFit, SeenPoints] | None:
-    """Fit a cone to `edges`, leaving out those that stand apart; also returns those in use."""
+def _without_outliers(edges: SeenPoints, start: FloatArray) -> tuple[ConeFit, SeenPoints] | None:
+    """Fit a cone, near that with the factor `start`, to `edges`, leaving out those that stand apart.
+
+    Returns also those in use.
+    """
     for _ in range(_TRIMS):
-        fit = fit_cone_to(edges)
+        fit = fit_cone_to(edges, start=start)
         if fit is None:
             return None
+        start = fit.factor
         residual = np.abs(fit.residuals_px)
         near = residual <= max(_OUTLIER * 1.4826 * float(np.median(residual)), _FINEST_PX)
         if near.all():
             return fit, edges
         edges = edges[near]
-    fit = fit_cone_to(edges)
+    fit = fit_cone_to(edges, start=start)
     return None if fit is None else (fit, edges)
 
 

@@ -72,8 +72,10 @@ def fit_cone(camera: Camera, pixels: FloatArray, weights: FloatArray | None = No
     return fit_cone_to(SeenPoints.of(camera, pixels), weights)
 
 
-def fit_cone_to(seen: SeenPoints, weights: FloatArray | None = None) -> ConeFit | None:
-    """As `fit_cone`, for points whose rays are known already."""
+def fit_cone_to(
+    seen: SeenPoints, weights: FloatArray | None = None, start: FloatArray | None = None
+) -> ConeFit | None:
+    """As `fit_cone`, for points whose rays are known already; `start` (3, 3) may be the factor of a cone close by."""
     rays, jacobians = seen.rays, seen.jacobians
     if len(rays) < MINIMUM_POINTS or not np.all(np.isfinite(rays)):
         return None
@@ -84,12 +86,20 @@ def fit_cone_to(seen: SeenPoints, weights: FloatArray | None = None) -> ConeFit 
     if np.any(local[:, 2] <= 0.05):
         return None
     plane = local[:, :2] / local[:, 2:]
-    ellipse = fit_ellipse(plane, weights)
+    ellipse = None if start is None else _section(turn @ start)
+    if ellipse is None:
+        ellipse = fit_ellipse(plane, weights)
     if ellipse is None or ellipse.semi_minor <= 0.0:
         return None
     refined, _ = refine_ellipse(ellipse, plane, _pixel_covariances(local, turn @ jacobians), weights, _STEPS)
     factor = turn.T @ refined.factor
     return ConeFit(factor, rim_distance_px(factor, rays, jacobians))
+
+
+def _section(factor: FloatArray) -> Ellipse | None:
+    """Return the ellipse in which the cone with `factor` (3, 3) meets the plane z = 1; None where it is none."""
+    ellipses, found = Ellipse.from_factor(factor[None])
+    return ellipses[0] if found[0] else None
 
 
 def direct_cones(camera: Camera, contours: Sequence[FloatArray]) -> tuple[FloatArray, list[FloatArray]]:
