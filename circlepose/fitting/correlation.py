@@ -5,22 +5,27 @@ from __future__ import annotations
 import numpy as np
 
 from circlepose._typing import FloatArray, IntArray, RealArray
+from circlepose.rim_modes import MODES
 
 _JOINED = (1, 2, 4)
 """Neighbouring stretches taken together, each time twice as many."""
-_CHANCE = 2.5
-"""Standard deviations of the sum over independent residuals that a correlation must be above to count."""
+_TAKEN_OUT = 12.0
+"""The fit takes out what it can: of n stretches about n/(n + 12) of the scatter is left."""
+_CHANCE = 4.5
+"""Correlation that counts: above 1 + 4.5/sqrt(n), three standard deviations of that of independent residuals. Both as
+rendered discs of 3 to 72 stretches, single or joined, have it."""
 
 
 def correlation_of(
     scores: RealArray, stretch: IntArray, numbers: IntArray, matrix: FloatArray, variance: FloatArray
 ) -> FloatArray:
-    """Return (m,) how much more the residuals of a stretch add up to than independent ones would; at least 1.
+    """Return (m,) how much more the residuals of a stretch move the rim than independent ones would; at least 1.
 
-    The scores (m, 8, k) of independent residuals, summed by stretch, scatter as the information says. Where
-    neighbours err alike (texture, a model that does not hold), they scatter more, and so does the estimate.
-    `stretch` (m, k) of each pixel, of `numbers` (m,) in all for each rim. Coarse texture shows in joined stretches
-    only, of which there are few: there chance makes more of it.
+    The scores (m, 8, k) of independent residuals, of which the first five are those of the rim's modes, scatter,
+    summed by stretch, as the information `matrix` (m, 8, 8) says. Where neighbours err alike (texture, a model that
+    does not hold), they scatter more, and so does the estimate. `stretch` (m, k) of each pixel, of `numbers` (m,) in
+    all for each rim. Coarse texture shows in joined stretches only, of which there are few: there chance makes more
+    of it.
     """
     rims, most, parameters = len(matrix), int(numbers.max()), matrix.shape[-1]
     flat = (stretch + most * np.arange(rims)[:, None]).ravel()
@@ -28,16 +33,16 @@ def correlation_of(
         [np.bincount(flat, scores[:, i].ravel(), rims * most) for i in range(parameters)], axis=-1
     ).reshape(rims, most, parameters)
     inverse = np.linalg.inv(matrix)
+    # By how much each stretch moves the rim, beside how much it moves in all.
+    moves, information = sums @ inverse[:, :, :MODES], np.linalg.inv(inverse[:, :MODES, :MODES])
     largest = np.ones(rims)
     joined = 1
     for more in _JOINED:
         if more > joined:
-            sums = sums + np.concatenate([sums[:, joined:], sums[:, :joined]], axis=1)
+            moves = moves + np.concatenate([moves[:, joined:], moves[:, :joined]], axis=1)
             joined = more
-        total = np.sum((sums @ inverse) * sums, axis=(1, 2)) / joined
-        # The fit has taken out as much as its parameters could: of so many stretches, about this share is left. Both
-        # this and the scatter by chance are as rendered discs of 12 to 72 stretches have them.
+        total = np.sum((moves @ information) * moves, axis=(1, 2)) / joined
         number = numbers / joined
-        ratio = total / (parameters * variance) * (1.0 + parameters / number)
+        ratio = total / (MODES * variance) * (1.0 + _TAKEN_OUT / number)
         largest = np.maximum(largest, np.where(ratio > 1.0 + _CHANCE / np.sqrt(number), ratio, 1.0))
     return largest
