@@ -93,14 +93,36 @@ def fit_to_levels(
     the levels. With `is_curved` the curvature of the rims is met exactly, which takes longer.
     """
     shares = curved if is_curved else straight
-    radius_px = perimeter_px / (2.0 * np.pi)
     pixels = Pixels.of(bands, perimeter_px, limits, beside)
-    weight = bands.weight.copy()
     bands = Bands(pixels.levels, bands.weight.copy(), bands.rays, bands.pixels)
+    radius_px = perimeter_px / (2.0 * np.pi)
     if beside is not None:
         # What others add is not known that well: it may be uneven, as shading is on a large disc.
         radius_px = np.where(np.any(beside != 0.0, axis=1), np.inf, radius_px)
+    told, bands, stretch, is_doubtful = _untextured(pixels, bands, factors, blur, expected, radius_px, shares, beyond)
+    which = np.flatnonzero(told.converged & is_doubtful & (perimeter_px > _LEAST_MOTTLED_PX))
+    if len(which):
+        again, better = _textured(*rows((told, bands, expected, stretch, pixels.stretches), which), shares)
+        put_rows(told, which[better], again)
+    return told
+
+
+def _untextured(
+    pixels: Pixels,
+    bands: Bands,
+    factors: FloatArray,
+    blur: FloatArray,
+    expected: Expected,
+    radius_px: FloatArray,
+    shares: Shares,
+    beyond: Beyond | None,
+) -> tuple[LevelsFit, Bands, IntArray, BoolArray]:
+    """Fit the rims with shading alone, in turn with which pixels tell.
+
+    Returns also the bands with the weights in the end, the stretch (m, k) of each pixel, and where texture is likely.
+    """
     seen, state = _plain_edge(bands, factors, blur, expected, radius_px, shares)
+    weight = bands.weight.copy()
     now, left_out, stretch = pixels.telling(slice(None), seen, state, weight)
     which = np.flatnonzero(np.any(now != weight, axis=1))
     weight[which] = now[which]
@@ -113,6 +135,7 @@ def fit_to_levels(
     far = None
     if beyond is not None:
         far = FarLevels.of(beyond, seen.factors, _levels_ahead(state, prior, variance), variance)
+    del state
     fit = descend(bands, seen, shares, stiff, prior, expected.mean, far)
     # Only rims of which something was left out look different now. (What is in `weight`, that is in `bands`.)
     for _ in range(_ROUNDS - 1 if len(which) else 0):
@@ -128,17 +151,10 @@ def fit_to_levels(
         prior[which] = variance[which, None] * expected.information[which]
         setting = rows((stiff, prior, expected.mean, far), which)
         put_rows(fit, which, descend(some, rows(fit.seen, which).weighted(some), shares, *setting))
-    stretches = pixels.stretches
-    rim_used = 1.0 - np.array([row[:n, AT_RIM].mean() for row, n in zip(left_out, stretches, strict=True)])
-    told = _told(fit, bands, expected, stretch, stretches, rim_used, stiff)
-    doubtful = told.correlation > 1.0
-    if far is not None:
-        doubtful |= ~far.goes_on
-    which = np.flatnonzero(told.converged & doubtful & (perimeter_px > _LEAST_MOTTLED_PX))
-    if len(which):
-        again, better = _textured(*rows((told, bands, expected, stretch, stretches), which), shares)
-        put_rows(told, which[better], again)
-    return told
+    rim_used = 1.0 - np.array([row[:n, AT_RIM].mean() for row, n in zip(left_out, pixels.stretches, strict=True)])
+    told = _told(fit, bands, expected, stretch, pixels.stretches, rim_used, stiff)
+    is_doubtful = told.correlation > 1.0
+    return told, bands, stretch, is_doubtful if far is None else is_doubtful | ~far.goes_on
 
 
 def _plain_edge(
@@ -156,7 +172,13 @@ def _plain_edge(
     stiff = stiffness(variance, state.contrast, radius_px, plain=True)
     prior = variance[:, None] * expected.information
     fit = descend(few, seen, shares, stiff, prior, expected.mean, short=SHORT_FIRST)
-    seen = fit.seen if few is bands and fit.is_seen else Seen.of(bands, fit.factors, fit.blur, shares)
+    factors, blur, is_seen = fit.factors, fit.blur, few is bands and fit.is_seen
+    seen = fit.seen
+    # What is seen takes most of the memory: not twice.
+    del fit, state
+    if not is_seen:
+        del seen
+        seen = Seen.of(bands, factors, blur, shares)
     return seen, fit_levels(seen.columns, stiff)
 
 
