@@ -52,7 +52,8 @@ def refined(grey: Image, camera: Camera, rims: Sequence[Rim]) -> list[Rim]:
         sigma = np.exp(blur[:, 0])
         blurred = REACH_SIGMA * sigma > 1.1 * reach
         crowded = bands_that_meet(ellipses, reach + REACH_SIGMA * sigma, contrast)
-        expected = _expected(blur, variance) if again and many else Expected(blur, first_information(len(rims)))
+        first = Expected(blur * [1.0, 0.0, 0.0], first_information(len(rims)))
+        expected = _expected(blur, variance) if again and many else first
         is_unequal = many and expected.mean[:, 1:].any()
         order = [i for i in open_ if not again or blurred[i] or crowded[i] or (small[i] and is_unequal)]
         if not order:
