@@ -83,6 +83,8 @@ class Rim:
     """standard deviation of the semi-axes, from the scatter of the edges"""
     modes_covariance: FloatArray | None = None
     """(5, 5) of the `rim_modes` of the cone's factor; None where only edges were placed, whose errors go together"""
+    is_placed: bool = False
+    """the edges were placed along it, and are no longer those of the contour"""
     is_edges_only: bool = False
     """the levels were tried, and tell nothing better than the edges"""
     score: float | None = None
@@ -116,13 +118,13 @@ def fit_rim(
         # The edges of a sliver say little of its tips, and where a part is hidden these say how long it is.
         if thin is not None or (is_sliver and contour.rim_used < _WHOLE):
             return thin
-    if start is not None and _is_smooth(start.cone, contour.points):
+    if start is not None and start.cone.rms_px < _FINEST_RMS_PX:
         return start
     fit = fit_cone(camera, contour.points)
     if fit is None:
         return None
     rim = rim_from_fit(camera, fit, contour.points, contour.rim_used, contour.polarity)
-    if rim is None or not refine or (start is not None and _is_smooth(fit, contour.points)):
+    if rim is None or not refine or (start is not None and fit.rms_px < _FINEST_RMS_PX):
         return rim
     rim = with_edges_placed(levels, camera, rim)
     return None if rim is not None and has_sharp_tips and not _spans(rim) else rim
@@ -160,7 +162,7 @@ def with_edges_placed(levels: Image, camera: Camera, rim: Rim) -> Rim | None:
             return None
         cone, used = refined
         scatter = max(local_scatter(used.pixels), _FINEST_PX / _SCATTERS)
-        whole = len(used) > _FULL_RIM * places and _is_smooth(cone, used.pixels)
+        whole = len(used) > _FULL_RIM * places and cone.rms_px < max(_SMOOTH * scatter, _FINEST_RMS_PX)
         if whole or places < _LEAST_PLACES:
             break
         # Something stands along part of the rim.
@@ -172,12 +174,7 @@ def with_edges_placed(levels: Image, camera: Camera, rim: Rim) -> Rim | None:
             break
         factor = cone.factor
     again = rim_from_fit(camera, cone, used.pixels, len(used) / places, rim.polarity)
-    return None if again is None else replace(again, score=rim.score)
-
-
-def _is_smooth(fit: ConeFit, points: FloatArray) -> bool:
-    """Tell whether `points` (n, 2) scatter about the rim fitted to them hardly more than about their neighbours."""
-    return fit.rms_px < _FINEST_RMS_PX or fit.rms_px < _SMOOTH * local_scatter(points)
+    return None if again is None else replace(again, score=rim.score, is_placed=True)
 
 
 def _place_edges(

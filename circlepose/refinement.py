@@ -88,7 +88,8 @@ def refined(grey: Image, camera: Camera, rims: Sequence[Rim]) -> list[Rim]:
         ellipses = [rim.ellipse for rim in done]
     for i in open_:
         if done[i] is rims[i]:
-            done[i] = replace(with_edges_placed(grey, camera, rims[i]) or rims[i], is_edges_only=True)
+            placed = rims[i] if rims[i].is_placed else with_edges_placed(grey, camera, rims[i])
+            done[i] = replace(placed or rims[i], is_edges_only=True)
     return done
 
 

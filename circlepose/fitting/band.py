@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 
 import numpy as np
 
@@ -11,9 +12,10 @@ from circlepose._typing import FloatArray, Image, IntArray, RealArray
 from circlepose.camera import Camera
 from circlepose.conic import Ellipse, unit_circle
 
-_BEYOND_PX = np.arange(0.5, 12.5, 1.2)
-"""What is looked at beyond a band, from its border."""
-_PER_PX, _ANGLES = 4.0, (16, 800)
+_APART_PX = 2.4
+_BEYOND_PX = 1.0 + _APART_PX * np.arange(8).reshape(2, 4)
+"""What is looked at beyond a band, from its border: ellipses so far apart, in two rings."""
+_PER_PX, _ANGLES = 2.7, (16, 540)
 """Places along each ellipse, for a px of its major axis, and least and most."""
 
 
@@ -48,14 +50,17 @@ class Bands:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Beyond:
-    """Pixels farther from m rims than their bands, k each on both sides: the first index is 0 inside, 1 outside."""
+    """Squares of four pixels farther from m rims than their bands, k each.
+
+    The first index is 0 inside and 1 outside in a first ring, and so on in rings farther off.
+    """
 
     levels: RealArray
-    """(2, m, k)"""
+    """(2 r, m, k) mean of the four"""
     weight: RealArray
-    """(2, m, k) 1, or less for a pixel that others of the same place stand beside"""
+    """(2 r, m, k) 4, or less for a square that others of the same place stand beside"""
     rays: RealArray
-    """(2, m, 3, k) of any length, the lens taken as linear from the rim on"""
+    """(2 r, m, 3, k) of any length, the lens taken as linear from the rim on"""
 
 
 def bands_around(grey: Image, camera: Camera, rims: Sequence[Ellipse], reach_px: FloatArray) -> Bands:
@@ -76,27 +81,37 @@ def bands_around(grey: Image, camera: Camera, rims: Sequence[Ellipse], reach_px:
 def beyond_bands(
     grey: Image, camera: Camera, rims: Sequence[Ellipse], reach_px: FloatArray, limits: tuple[float, float]
 ) -> Beyond:
-    """Sample pixels along ellipses farther in and out than `reach_px` (m,); those at the `limits` do not count."""
+    """Sample squares of pixels along ellipses farther in and out than `reach_px` (m,).
+
+    A square with a pixel at the `limits` does not count.
+    """
     every = Ellipse.batch(rims)
     axes = np.stack([every.semi_major, every.semi_minor], axis=-1)[:, None]
-    off = (reach_px[:, None] + _BEYOND_PX) * np.array([-1.0, 1.0])[:, None, None]
-    beyond = axes + off[..., None]
+    off = reach_px[:, None] + _BEYOND_PX[:, None]
+    # (ring, inside or outside, m, ellipse, axis)
+    beyond = axes + np.stack([-off, off], axis=1)[..., None]
+    beyond = beyond.reshape(-1, *beyond.shape[2:])
     number = int(np.clip(_PER_PX * axes.max(), *_ANGLES))
     rim_x, rim_y = _on_ellipses(every, axes, number)
-    x, y = (np.rint(each) for each in _on_ellipses(every, beyond, number))
+    # Of each square of four pixels the upper left one, and whether it lies in the image.
+    x, y = (np.rint(each - 0.5) for each in _on_ellipses(every, beyond, number))
     height, width = grey.shape
-    # Where more places than pixels are on an ellipse, each counts for less.
-    share = np.clip(np.pi * beyond.sum(axis=-1) * (_BEYOND_PX[1] - _BEYOND_PX[0]) / number, 0.0, 1.0)
-    weight = np.where(beyond[..., 1] > 0.0, share, 0.0).astype(np.float32)[..., None]
-    weight = weight * ((x >= 0.0) & (x < width) & (y >= 0.0) & (y < height))
-    np.clip(x, 0.0, width - 1.0, out=x)
-    np.clip(y, 0.0, height - 1.0, out=y)
-    levels = grey[y.astype(np.intp), x.astype(np.intp)].astype(np.float32)
+    inside = (x >= 0.0) & (x < width - 1.0) & (y >= 0.0) & (y < height - 1.0)
+    np.clip(x, 0.0, max(width - 2.0, 0.0), out=x)
+    np.clip(y, 0.0, max(height - 2.0, 0.0), out=y)
+    first, flat = y.astype(np.intp) * width + x.astype(np.intp), np.ascontiguousarray(grey).ravel()
+    right, below = int(width > 1), width * int(height > 1)
+    four = [flat.take(first + beside) for beside in (0, right, below, below + right)]
+    lowest, highest = reduce(np.minimum, four), reduce(np.maximum, four)
+    levels = 0.25 * sum(each.astype(np.float32) for each in four)
+    # A square counts for its pixels, but where more squares than fit are on an ellipse each for less.
+    area = np.pi * beyond.sum(axis=-1) * _APART_PX / number
+    weight = np.where(beyond[..., 1] > 0.0, np.minimum(area, 4.0), 0.0).astype(np.float32)[..., None] * inside
     sights = camera.sights(np.stack([rim_x, rim_y], axis=-1)).astype(np.float32)
     unseen = ~np.isfinite(sights).all(axis=(0, 1))
     sights[:, :, unseen] = 0.5
-    weight[(levels <= limits[0]) | (levels >= limits[1]) | unseen] = 0.0
-    dx, dy = x - rim_x, y - rim_y
+    weight[(lowest <= limits[0]) | (highest >= limits[1]) | unseen] = 0.0
+    dx, dy = x + 0.5 - rim_x, y + 0.5 - rim_y
     rays = np.stack([each[0] + each[1] * dx + each[2] * dy for each in sights], axis=2)
     return Beyond(*(each.reshape(*each.shape[:-2], -1) for each in (levels, weight, rays)))
 

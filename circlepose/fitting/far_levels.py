@@ -35,7 +35,7 @@ class FarLevels:
     square: FloatArray
     """(m,)"""
     goes_on: BoolArray
-    """(m,) both sides are asked"""
+    """(m,) both sides are asked, in the first ring at least"""
 
     @classmethod
     def of(
@@ -57,7 +57,7 @@ class FarLevels:
         missed = (levels.astype(shapes.dtype)[..., None, :] @ shapes)[..., 0, :] - beyond.levels
         count = np.sum(beyond.weight, axis=-1)
         scatter = np.einsum("smk,smk->sm", missed * missed, beyond.weight) / np.maximum(count - SHAPES, 1.0)
-        own = (slice(SHAPES), slice(SHAPES, 2 * SHAPES))
+        own = (slice(SHAPES), slice(SHAPES, 2 * SHAPES)) * (len(beyond.levels) // 2)
         apart = levels - np.stack([near[0][:, each] for each in own])
         both = covariance * scatter[..., None, None] + np.stack([near[1][:, each, each] for each in own])
         distance = np.sum(apart * np.linalg.solve(both, apart[..., None])[..., 0], axis=-1)
@@ -65,9 +65,9 @@ class FarLevels:
         square = np.einsum("smk,smk->sm", beyond.levels * beyond.levels, beyond.weight)
         asked, all_right = np.zeros((len(factors), LINEAR, LINEAR)), np.zeros((len(factors), LINEAR))
         for side, each in enumerate(own):
-            asked[:, each, each] = like[side, :, None, None] * gram[side]
-            all_right[:, each] = like[side, :, None] * right[side]
-        return cls(asked, all_right, np.sum(like * square, axis=0), like.all(axis=0))
+            asked[:, each, each] += like[side, :, None, None] * gram[side]
+            all_right[:, each] += like[side, :, None] * right[side]
+        return cls(asked, all_right, np.sum(like * square, axis=0), like[:2].all(axis=0))
 
     def misfit(self, levels: FloatArray) -> FloatArray:
         """Return (m,) the sum of squares at `levels` (m, 11)."""

@@ -121,14 +121,15 @@ def _untextured(
 
     Returns also the bands with the weights in the end, the stretch (m, k) of each pixel, and where texture is likely.
     """
-    seen, state = _plain_edge(bands, factors, blur, expected, radius_px, shares)
+    seen, state, stiff = _plain_edge(bands, factors, blur, expected, radius_px, shares)
     weight = bands.weight.copy()
     now, left_out, stretch = pixels.telling(slice(None), seen, state, weight)
     which = np.flatnonzero(np.any(now != weight, axis=1))
     weight[which] = now[which]
     bands = bands.weighted(weight)
     if len(which):
-        put_rows(seen, which, rows(seen, which).weighted(rows(bands, which)))
+        left = rows(seen, which).weighted(rows(bands, which))
+        put_rows((seen, state), which, (left, fit_levels(left.columns, stiff[which])))
     variance = _variance(state.square, bands)
     stiff = stiffness(variance, state.contrast, radius_px)
     prior = variance[:, None] * expected.information
@@ -146,7 +147,7 @@ def _untextured(
         which = which[changed]
         weight[which] = now[changed]
         some = rows(bands, which)
-        variance[which] = _variance(fit.state.square[which], some)
+        variance[which] = _variance(np.sum((fit.state.residual[which] * some.weight) ** 2, axis=1), some)
         stiff[which] = stiffness(variance[which], fit.state.contrast[which], radius_px[which])
         prior[which] = variance[which, None] * expected.information[which]
         setting = rows((stiff, prior, expected.mean, far), which)
@@ -159,10 +160,10 @@ def _untextured(
 
 def _plain_edge(
     bands: Bands, factors: FloatArray, blur: FloatArray, expected: Expected, radius_px: FloatArray, shares: Shares
-) -> tuple[Seen, Levels]:
+) -> tuple[Seen, Levels, FloatArray]:
     """Fit edges that are only blurred, as what departs from that could be taken for blur.
 
-    On as many pixels as that needs; then the rims are seen by all.
+    On as many pixels as that needs; then the rims are seen by all. Returns also how stiff such levels are (m, 11).
     """
     step = bands.levels.shape[1] // _FEW_PIXELS
     few = bands.thinned(step) if step > 1 else bands
@@ -179,7 +180,7 @@ def _plain_edge(
     if not is_seen:
         del seen
         seen = Seen.of(bands, factors, blur, shares)
-    return seen, fit_levels(seen.columns, stiff)
+    return seen, fit_levels(seen.columns, stiff), stiff
 
 
 def _textured(
