@@ -37,9 +37,9 @@ def told(stretches, noise):
     residual = noise - estimates @ slopes - rest @ levels
     variance = np.sum(residual**2, axis=1) / (noise.shape[1] - len(slopes) - len(levels))
     many = np.broadcast_to(stretch, noise.shape)
-    matrices = np.broadcast_to(matrix, (len(noise), *matrix.shape))
+    inverses = np.broadcast_to(np.linalg.inv(matrix), (len(noise), *matrix.shape))
     number = np.full(len(noise), stretches)
-    return correlation_of(slopes * residual[:, None], many, number, matrices, variance), estimates, matrix, variance
+    return correlation_of(slopes * residual[:, None], many, number, inverses, variance), estimates, matrix, variance
 
 
 @pytest.mark.parametrize("stretches", [12, 24, 72])

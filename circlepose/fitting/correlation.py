@@ -17,22 +17,21 @@ rendered discs of 3 to 72 stretches, single or joined, have it."""
 
 
 def correlation_of(
-    scores: RealArray, stretch: IntArray, numbers: IntArray, matrix: FloatArray, variance: FloatArray
+    scores: RealArray, stretch: IntArray, numbers: IntArray, inverse: FloatArray, variance: FloatArray
 ) -> FloatArray:
     """Return (m,) how much more the residuals of a stretch move the rim than independent ones would; at least 1.
 
     The scores (m, 8, k) of independent residuals, of which the first five are those of the rim's modes, scatter,
-    summed by stretch, as the information `matrix` (m, 8, 8) says. Where neighbours err alike (texture, a model that
-    does not hold), they scatter more, and so does the estimate. `stretch` (m, k) of each pixel, of `numbers` (m,) in
-    all for each rim. Coarse texture shows in joined stretches only, of which there are few: there chance makes more
-    of it.
+    summed by stretch, as the information says, of which this is the `inverse` (m, 8, 8). Where neighbours err alike
+    (texture, a model that does not hold), they scatter more, and so does the estimate. `stretch` (m, k) of each
+    pixel, of `numbers` (m,) in all for each rim. Coarse texture shows in joined stretches only, of which there are
+    few: there chance makes more of it.
     """
-    rims, most, parameters = len(matrix), int(numbers.max()), matrix.shape[-1]
+    rims, most, parameters = len(inverse), int(numbers.max()), inverse.shape[-1]
     flat = (stretch + most * np.arange(rims)[:, None]).ravel()
     sums = np.stack(
         [np.bincount(flat, scores[:, i].ravel(), rims * most) for i in range(parameters)], axis=-1
     ).reshape(rims, most, parameters)
-    inverse = np.linalg.inv(matrix)
     # By how much each stretch moves the rim, beside how much it moves in all.
     moves, information = sums @ inverse[:, :, :MODES], np.linalg.inv(inverse[:, :MODES, :MODES])
     largest = np.ones(rims)

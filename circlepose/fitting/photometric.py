@@ -250,8 +250,9 @@ def _told(
     spread = np.linalg.eigvalsh(matrix)
     told = (np.sum(bands.weight, axis=1) >= _LEAST_PIXELS) & (spread[:, -1] < _WORST_CONDITION * spread[:, 0])
     matrix = np.where(told[:, None, None], matrix, np.eye(MODES + BLUR))
-    correlation = correlation_of(projected * residual[:, None], stretch, stretches, matrix, variance)
-    covariance = np.linalg.inv(matrix) * variance[:, None, None]
+    inverse = np.asarray(np.linalg.inv(matrix), dtype=np.float64)
+    correlation = correlation_of(projected * residual[:, None], stretch, stretches, inverse, variance)
+    covariance = inverse * variance[:, None, None]
     return LevelsFit(
         factors=fit.factors,
         covariance=covariance[:, :MODES, :MODES] * correlation[:, None, None],
