@@ -309,3 +309,41 @@ def test_the_search_ends_with_as_many_as_asked_for_when_no_smaller_one_could_be_
     assert len(everything.contours) == 2
     assert find_contours(image, FREE, enough=2).is_complete
     np.testing.assert_allclose(one.contours[0].ellipse.center, everything.contours[0].ellipse.center, atol=0.05)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.5, 3.0])
+@pytest.mark.parametrize("contrast", [12.0, 18.0, 40.0])
+def test_what_the_reduced_image_does_not_explain_is_looked_at_in_full(monkeypatch, noise, contrast):
+    """Small discs and thin rings beside a large disc of the same contrast: as many as by looking everywhere."""
+    cell = 40
+    radii = np.resize([2.2, 2.6, 3.0, 3.5, 4.0, 5.0, 6.5], 24)
+    walls = np.resize([0.7, 1.0, 1.5, 2.0], 12)
+    generator = np.random.default_rng(4)
+    places = 20.0 + generator.uniform(-3.0, 3.0, (36, 2))
+    cells = [
+        draw(ellipse(*at, r, 0.9 * r), levels=(180.0 - contrast,), background=180.0, size=(cell, cell))
+        for at, r in zip(places, radii, strict=False)
+    ]
+    cells += [
+        draw(
+            ellipse(*at, 10.0, 9.0),
+            ellipse(*at, 10.0 - wall, 9.0 - wall),
+            levels=(180.0 - contrast, 180.0),
+            background=180.0,
+            size=(cell, cell),
+        )
+        for at, wall in zip(places[24:], walls, strict=True)
+    ]
+    large = draw(ellipse(240.0, 150.0, 120.0, 90.0), levels=(180.0 - contrast,), background=180.0, size=(480, 280))
+    rows = [np.concatenate(cells[i : i + 12], axis=1) for i in (0, 12, 24)]
+    image = np.concatenate([large, *rows]) + noise * generator.normal(size=(400, 480))
+    image = np.clip(np.rint(image), 0, 255).astype(np.uint8)
+
+    found = find_contours(image, FREE).contours
+    monkeypatch.setattr("circlepose.extraction.find.unexplained_tiles", lambda *_: np.ones((7, 8), np.bool_))
+    everywhere = find_contours(image, FREE).contours
+    centers = np.array([c.ellipse.center for c in found])
+    for other in everywhere:
+        assert np.min(np.linalg.norm(centers - other.ellipse.center, axis=1)) < 0.5
+    assert len(found) == len(everywhere)
+    assert len(found) > 12 or noise > 2.0 or contrast < 15.0

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 
-import cv2
 import numpy as np
 
 from circlepose._typing import BoolArray, FloatArray, Image, IntArray
@@ -16,7 +15,8 @@ from circlepose.extraction.coincidence import border_chains
 from circlepose.extraction.contour import Rejection
 from circlepose.extraction.edges import edge_chains
 from circlepose.extraction.grouping import MOST_ARCS, bulging, joined_arcs
-from circlepose.extraction.pyramid import to_full_size, to_reduced
+from circlepose.extraction.pyramid import to_full_size
+from circlepose.extraction.unexplained import rims_drawn
 from circlepose.fitting.quick_fit import fit_each
 from circlepose.target import AxisIntervals
 
@@ -52,8 +52,6 @@ _LONG_PX = 15.0
 _EXPLAINED = 0.7
 """Share of a chain on known rims from which there is nothing new in it."""
 _TWIN_AREA = 0.25
-_CORNERS = 48
-"""Of the polygon that stands for a known rim."""
 _LEAST_RATIO = 0.1
 """Axis ratio from which a chain that encloses nothing may be of a circle where none edge-on is looked for."""
 
@@ -65,18 +63,20 @@ def rough_ellipses(
     known: Ellipse,
     rejected: Counter[Rejection],
     extraction: str = EXTRACTIONS[0],
+    tiles: BoolArray | None = None,
 ) -> Ellipse:
     """Return the ellipses (batch, full-size px) that edge chains of `image`, reduced by `scale`, suggest.
 
-    Chains along the rims `known` (batch, full-size px) suggest nothing new. Chains passed over are counted in
-    `rejected`.
+    With `tiles`, see `unexplained`, edges are looked for only there. Chains along the rims `known` (batch, full-size
+    px) suggest nothing new. Chains passed over are counted in `rejected`.
     """
-    chains = (border_chains if extraction == "coincidence" else edge_chains)(image, _SHORTEST)
+    is_coincidence = extraction == "coincidence"
+    chains = border_chains(image, _SHORTEST) if is_coincidence else edge_chains(image, _SHORTEST, tiles)
     extents = chains.extents()
     shortest, longest = _extents(intervals, scale, image)
     large = extents >= shortest
     rejected[Rejection.TOO_SHORT] += int(np.count_nonzero(~large))
-    on_known = _rims_drawn(known, scale, image)
+    on_known = rims_drawn(known, scale, image)
     if on_known is not None and len(chains):
         explained = chains.shares(on_known[chains.points[:, 1], chains.points[:, 0]]) >= _EXPLAINED
         rejected[Rejection.DUPLICATE] += int(np.count_nonzero(explained & large))
@@ -109,20 +109,6 @@ def _extents(intervals: AxisIntervals, scale: float, image: Image) -> tuple[floa
     low, high = intervals.major_px
     # An ellipse's box is at least major/sqrt(2) wide; a chain of part of a rim may be half that.
     return max((0.35 * low - _SLACK_PX) / scale, least), (1.1 * high + 2.0 * _SLACK_PX) / scale
-
-
-def _rims_drawn(known: Ellipse, scale: float, image: Image) -> BoolArray | None:
-    """Return (h, w) what lies on the rims `known`, None where there are none."""
-    if len(known) == 0:
-        return None
-    drawn = np.zeros(image.shape, np.uint8)
-    reduced = Ellipse(
-        to_reduced(known.center, scale), known.semi_major / scale, known.semi_minor / scale, known.angle
-    )
-    # OpenCV's fixed point: four bits of fraction.
-    rims = np.rint(16.0 * reduced.points(_CORNERS).clip(-1e6, 1e6)).astype(np.int32)
-    cv2.polylines(drawn, list(rims), True, 1, 3, cv2.LINE_8, 4)
-    return drawn.view(np.bool_)
 
 
 def _closed(chains: Chains, whole: BoolArray) -> tuple[Ellipse, BoolArray, BoolArray]:

@@ -22,6 +22,7 @@ from circlepose.extraction.repeats import inside_others, repeats, same
 from circlepose.extraction.rim import edges_along
 from circlepose.extraction.rim_fit import fit_offsets
 from circlepose.extraction.slivers import find_slivers
+from circlepose.extraction.unexplained import unexplained_tiles
 from circlepose.extraction.verify import REASONS, Candidates, are_hopeless
 from circlepose.fitting.thin_ellipse import THIN_PX, are_thin
 from circlepose.target import AxisIntervals, Polarity
@@ -91,10 +92,17 @@ def find_contours(
         return _selected(candidates, intervals, polarity, _LEAST_STEP * range_ + 1e-9, keep_concentric)
 
     images = pyramid(eight_bit(grey))
+    # Of rings the other side of a wall may stand so close to a known rim that only the full image shows both.
+    may_pass_over = not keep_concentric and extraction == EXTRACTIONS[0]
     for level in reversed(range(len(images))):
         scale = 2.0**level
         known = _NONE if found is None else found.ellipse[_settled(found, reasons)]
-        rough = rough_ellipses(images[level], scale, intervals, known, rejected, extraction)
+        tiles = None
+        if level == 0 and len(known) and may_pass_over:
+            tiles = unexplained_tiles(images[1], known, 2.0)
+            if not tiles.any():
+                break
+        rough = rough_ellipses(images[level], scale, intervals, known, rejected, extraction, tiles)
         # Only where there is a length to expect: every thin line would be a circle seen edge-on.
         if intervals.major_px is not None:
             are_lines = are_thin(rough)

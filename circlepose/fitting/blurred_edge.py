@@ -14,7 +14,7 @@ overfitted: `stiffness` says how small.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol, Self
 
 import numpy as np
@@ -79,6 +79,26 @@ class Levels:
         # The cost is least in the levels, so their change with the modes does not count.
         gradient = (self.slopes @ self.residual[..., None])[..., 0].astype(np.float64)
         return Equations(matrix, gradient, np.asarray(made_up))
+
+    def joined_with(self, more: MoreLevels, equations: Equations) -> tuple[Levels, Equations]:
+        """Return the levels that fit to what `more` there is known, too, and the `equations` that go with them.
+
+        For a change of levels that is small: the slopes, which they scale, and the model are left as they are.
+        """
+        gram = self.gram + more.gram
+        change = np.linalg.solve(gram, (more.right - (more.gram @ self.levels[..., None])[..., 0])[..., None])
+        levels = self.levels + change[..., 0]
+        across = self.gram @ equations.made_up
+        made_up = np.asarray(np.linalg.solve(gram, across))
+        transposed = across.transpose(0, 2, 1)
+        joined = Equations(
+            equations.matrix + transposed @ (equations.made_up - made_up),
+            equations.gradient + (transposed @ change)[..., 0],
+            made_up,
+        )
+        moved = (change.transpose(0, 2, 1).astype(self.linear.dtype) @ self.linear[:, :-1])[:, 0]
+        cost = self.cost + np.sum(change * (self.gram @ change), axis=(1, 2)) + more.misfit(levels)
+        return replace(self, residual=self.residual + moved, gram=gram, levels=levels, cost=cost), joined
 
     def projected_slopes(self, equations: Equations) -> RealArray:
         """Return the slopes (m, 8, k) less what the levels make up for, which is no information."""

@@ -71,6 +71,11 @@ class Descent:
         """Whether the rims were seen where they are."""
         return not self.ahead.any()
 
+    @property
+    def square(self) -> FloatArray:
+        """(m,) sum of squares of the residuals where the rims are."""
+        return self.state.square + np.sum(self.ahead * self.equations.gradient, axis=1)
+
 
 def descend(
     bands: Bands,
@@ -81,9 +86,12 @@ def descend(
     mean: FloatArray,
     far: FarLevels | None = None,
     *,
+    start: tuple[Levels, Equations] | None = None,
     short: float = SHORT,
 ) -> Descent:
     """Fit the rims from where they are `seen`; `prior` (m, 3) pulls the blurs to `mean` (m, 3).
+
+    `start` is what fits there, of pixels and `far` levels, if that is known already.
 
     A step whose second order is below `short` standard errors is the last, and taken unseen. What is in `seen` is
     written over where rims move: no copy is made of that much.
@@ -91,14 +99,18 @@ def descend(
     factors, blur = seen.factors.copy(), seen.blur.copy()
     every = np.arange(len(factors))
 
-    def evaluate(now: Seen, which: IntArray) -> tuple[Levels, Equations, FloatArray]:
-        state = fit_levels(now.columns, stiff[which], None if far is None else rows(far, which))
-        found = state.normal_equations()
+    def evaluate(
+        now: Seen, which: IntArray, known: tuple[Levels, Equations] | None = None
+    ) -> tuple[Levels, Equations, FloatArray]:
+        if known is None:
+            state = fit_levels(now.columns, stiff[which], None if far is None else rows(far, which))
+            known = state, state.normal_equations()
+        state, found = known
         off = now.blur - mean[which]
         found.gradient[:, MODES:] += prior[which] * off
         return state, found, state.cost + np.sum(prior[which] * off**2, axis=1)
 
-    current, (state, equations, cost) = seen, evaluate(seen, every)
+    current, (state, equations, cost) = seen, evaluate(seen, every, start)
     matrix, gradient = with_prior(equations.matrix, prior), equations.gradient.copy()
     damping = np.full(len(factors), _START_DAMPING)
     counted = np.maximum(np.sum(bands.weight, axis=1), 1.0)

@@ -12,7 +12,7 @@ import numpy as np
 
 from circlepose._typing import BoolArray, FloatArray, IntArray, RealArray
 from circlepose.fitting.band import Bands, Beyond
-from circlepose.fitting.blurred_edge import LINEAR, TEXTURES, Levels, fit_levels, stiffness
+from circlepose.fitting.blurred_edge import LINEAR, TEXTURES, Equations, Levels, fit_levels, stiffness
 from circlepose.fitting.blurred_share import BLUR, curved, straight
 from circlepose.fitting.correlation import correlation_of
 from circlepose.fitting.descent import SHORT_FIRST, Descent, Seen, Shares, descend, with_prior
@@ -121,23 +121,30 @@ def _untextured(
 
     Returns also the bands with the weights in the end, the stretch (m, k) of each pixel, and where texture is likely.
     """
-    seen, state, stiff = _plain_edge(bands, factors, blur, expected, radius_px, shares)
+    seen, stiff = _plain_edge(bands, factors, blur, expected, radius_px, shares)
+    state = fit_levels(seen.columns, stiff)
     weight = bands.weight.copy()
     now, left_out, stretch = pixels.telling(slice(None), seen, state, weight)
     which = np.flatnonzero(np.any(now != weight, axis=1))
     weight[which] = now[which]
     bands = bands.weighted(weight)
-    if len(which):
-        left = rows(seen, which).weighted(rows(bands, which))
-        put_rows((seen, state), which, (left, fit_levels(left.columns, stiff[which])))
     variance = _variance(state.square, bands)
-    stiff = stiffness(variance, state.contrast, radius_px)
+    if len(which):
+        some = rows(bands, which)
+        left = rows(seen, which).weighted(some)
+        fewer = fit_levels(left.columns, stiff[which])
+        variance[which] = _variance(fewer.square, some)
+        stiff[which] = stiffness(variance[which], fewer.contrast, radius_px[which])
+        put_rows((seen, state), which, (left, fit_levels(left.columns, stiff[which])))
     prior = variance[:, None] * expected.information
+    start = state, state.normal_equations()
     far = None
     if beyond is not None:
-        far = FarLevels.of(beyond, seen.factors, _levels_ahead(state, prior, variance), variance)
-    del state
-    fit = descend(bands, seen, shares, stiff, prior, expected.mean, far)
+        far = FarLevels.of(beyond, seen.factors, _levels_ahead(*start, prior, variance), variance)
+        start = state.joined_with(far, start[1])
+    fit = descend(bands, seen, shares, stiff, prior, expected.mean, far, start=start)
+    # What is seen takes most of the memory: not twice.
+    del state, start
     # Only rims of which something was left out look different now. (What is in `weight`, that is in `bands`.)
     for _ in range(_ROUNDS - 1 if len(which) else 0):
         now, left_out[which], stretch[which] = pixels.telling(which, fit.seen, fit.state, weight)
@@ -160,10 +167,11 @@ def _untextured(
 
 def _plain_edge(
     bands: Bands, factors: FloatArray, blur: FloatArray, expected: Expected, radius_px: FloatArray, shares: Shares
-) -> tuple[Seen, Levels, FloatArray]:
+) -> tuple[Seen, FloatArray]:
     """Fit edges that are only blurred, as what departs from that could be taken for blur.
 
-    On as many pixels as that needs; then the rims are seen by all. Returns also how stiff such levels are (m, 11).
+    On as many pixels as that needs; then the rims are seen by all. Returns also how stiff levels are from then on,
+    (m, 11).
     """
     step = bands.levels.shape[1] // _FEW_PIXELS
     few = bands.thinned(step) if step > 1 else bands
@@ -172,15 +180,16 @@ def _plain_edge(
     variance = _variance(state.square, few)
     stiff = stiffness(variance, state.contrast, radius_px, plain=True)
     prior = variance[:, None] * expected.information
+    del state
     fit = descend(few, seen, shares, stiff, prior, expected.mean, short=SHORT_FIRST)
-    factors, blur, is_seen = fit.factors, fit.blur, few is bands and fit.is_seen
-    seen = fit.seen
+    stiff = stiffness(_variance(fit.square, few), fit.state.contrast, radius_px)
+    factors, blur, is_seen, seen = fit.factors, fit.blur, few is bands and fit.is_seen, fit.seen
     # What is seen takes most of the memory: not twice.
-    del fit, state
+    del fit
     if not is_seen:
         del seen
         seen = Seen.of(bands, factors, blur, shares)
-    return seen, fit_levels(seen.columns, stiff), stiff
+    return seen, stiff
 
 
 def _textured(
@@ -199,7 +208,7 @@ def _textured(
     state = fit_levels(seen.columns, stiff)
     variance = _variance(state.square, bands, stiff.shape[1])
     prior = variance[:, None] * expected.information
-    levels, covariance = _levels_ahead(state, prior, variance)
+    levels, covariance = _levels_ahead(state, state.normal_equations(), prior, variance)
     side = stiff.shape[1] // 2
     extra = np.r_[kept:side, side + kept : stiff.shape[1] - 1]
     sizes = np.abs(told.contrast_levels)[:, None] * _TEXTURE_SIZES
@@ -268,9 +277,10 @@ def _told(
     )
 
 
-def _levels_ahead(state: Levels, prior: FloatArray, variance: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _levels_ahead(
+    state: Levels, equations: Equations, prior: FloatArray, variance: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Return the levels (m, l) where the next step leads, and their covariance (m, l, l), the rim unknown."""
-    equations = state.normal_equations()
     matrix = with_prior(equations.matrix, prior)
     # Of a rim that has no pixels nothing is known.
     ridge = _RIDGE * np.trace(matrix, axis1=1, axis2=2) + _RIDGE
