@@ -39,7 +39,7 @@ def told(stretches, noise):
     many = np.broadcast_to(stretch, noise.shape)
     inverses = np.broadcast_to(np.linalg.inv(matrix), (len(noise), *matrix.shape))
     number = np.full(len(noise), stretches)
-    return correlation_of(slopes * residual[:, None], many, number, inverses, variance), estimates, matrix, variance
+    return correlation_of(slopes, residual, many, number, inverses, variance), estimates, matrix, variance
 
 
 @pytest.mark.parametrize("stretches", [12, 24, 72])

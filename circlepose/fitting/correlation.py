@@ -17,23 +17,29 @@ rendered discs of 3 to 72 stretches, single or joined, have it."""
 
 
 def correlation_of(
-    scores: RealArray, stretch: IntArray, numbers: IntArray, inverse: FloatArray, variance: FloatArray
+    slopes: RealArray,
+    residual: RealArray,
+    stretch: IntArray,
+    numbers: IntArray,
+    inverse: FloatArray,
+    variance: FloatArray,
 ) -> FloatArray:
     """Return (m,) how much more the residuals of a stretch move the rim than independent ones would; at least 1.
 
-    The scores (m, 8, k) of independent residuals, of which the first five are those of the rim's modes, scatter,
-    summed by stretch, as the information says, of which this is the `inverse` (m, 8, 8). Where neighbours err alike
-    (texture, a model that does not hold), they scatter more, and so does the estimate. `stretch` (m, k) of each
-    pixel, of `numbers` (m,) in all for each rim. Coarse texture shows in joined stretches only, of which there are
-    few: there chance makes more of it.
+    By the slopes (m, 8, k), of which the first five are to the rim's modes, with what else is fitted taken out, and
+    the `inverse` (m, 8, 8) of their information, each residual (m, k) moves the rim. Summed by stretch, independent
+    ones with that `variance` (m,) scatter as the information says. Where neighbours err alike (texture, a model that
+    does not hold), they scatter more, and so does the estimate. `stretch` (m, k) of each pixel, of `numbers` (m,) in
+    all for each rim. Coarse texture shows in joined stretches only, of which there are few: there chance makes more
+    of it.
     """
-    rims, most, parameters = len(inverse), int(numbers.max()), inverse.shape[-1]
+    rims, most = len(inverse), int(numbers.max())
     flat = (stretch + most * np.arange(rims)[:, None]).ravel()
-    sums = np.stack(
-        [np.bincount(flat, scores[:, i].ravel(), rims * most) for i in range(parameters)], axis=-1
-    ).reshape(rims, most, parameters)
+    moved = (inverse[:, :MODES].astype(slopes.dtype) @ slopes) * residual[:, None]
     # By how much each stretch moves the rim, beside how much it moves in all.
-    moves, information = sums @ inverse[:, :, :MODES], np.linalg.inv(inverse[:, :MODES, :MODES])
+    sums = [np.bincount(flat, moved[:, i].ravel(), rims * most) for i in range(MODES)]
+    moves = np.stack(sums, axis=-1).reshape(rims, most, MODES)
+    information = np.linalg.inv(inverse[:, :MODES, :MODES])
     largest = np.ones(rims)
     joined = 1
     for more in _JOINED:

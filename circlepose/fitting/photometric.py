@@ -176,11 +176,10 @@ def _plain_edge(
     step = bands.levels.shape[1] // _FEW_PIXELS
     few = bands.thinned(step) if step > 1 else bands
     seen = Seen.of(few, factors, blur, shares)
-    state = fit_levels(seen.columns, np.zeros((len(factors), LINEAR)))
-    variance = _variance(state.square, few)
-    stiff = stiffness(variance, state.contrast, radius_px, plain=True)
+    square, contrast = seen.columns.noise_and_contrast()
+    variance = _variance(square, few)
+    stiff = stiffness(variance, contrast, radius_px, plain=True)
     prior = variance[:, None] * expected.information
-    del state
     fit = descend(few, seen, shares, stiff, prior, expected.mean, short=SHORT_FIRST)
     stiff = stiffness(_variance(fit.square, few), fit.state.contrast, radius_px)
     factors, blur, is_seen, seen = fit.factors, fit.blur, few is bands and fit.is_seen, fit.seen
@@ -260,7 +259,7 @@ def _told(
     told = (np.sum(bands.weight, axis=1) >= _LEAST_PIXELS) & (spread[:, -1] < _WORST_CONDITION * spread[:, 0])
     matrix = np.where(told[:, None, None], matrix, np.eye(MODES + BLUR))
     inverse = np.asarray(np.linalg.inv(matrix), dtype=np.float64)
-    correlation = correlation_of(projected * residual[:, None], stretch, stretches, inverse, variance)
+    correlation = correlation_of(projected, residual, stretch, stretches, inverse, variance)
     covariance = inverse * variance[:, None, None]
     return LevelsFit(
         factors=fit.factors,
