@@ -25,7 +25,7 @@ from circlepose.fitting.setting import (
 )
 from circlepose.measure import Rim, with_edges_placed
 
-_MOST_PIXELS = 25_000
+_MOST_PIXELS = 22_000
 _TIGHT = 0.03
 """Standard deviation of the inequality of the blur, after all rims have told of it."""
 _LEAST_UNEQUAL = 0.1

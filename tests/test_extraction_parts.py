@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from circlepose.conic import Ellipse, joined_ellipses, rim_distance
+from circlepose.extraction import edges
 from circlepose.extraction.arcs import SHORTEST_CHAIN, arcs_of
 from circlepose.extraction.chains import Chains
 from circlepose.extraction.grouping import joined_arcs
@@ -187,3 +188,20 @@ def test_quick_profiles_find_the_same_edges():
         np.testing.assert_array_equal(quick.valid, exact.valid)
         np.testing.assert_allclose(quick.points, exact.points, atol=0.06)
         np.testing.assert_array_equal(quick.polarity, exact.polarity)
+
+
+def test_edges_that_are_followed_in_strips_are_the_same(monkeypatch):
+    page = np.full((500, 400), 235, np.uint8)
+    for line in range(18, 500, 18):
+        cv2.putText(page, "Oboe, good; eggs 80 & 6", (5, line), cv2.FONT_HERSHEY_SIMPLEX, 0.5, 20, 1, cv2.LINE_AA)
+    cv2.rectangle(page, (300, 60), (380, 330), 20, 2)
+    monkeypatch.setattr(edges, "_MANY_EDGES", 0.0)
+    strips = edges._strips(edges.edge_map(page))
+    assert len(strips) > 3
+    in_strips = edges.edge_chains(page, 12)
+    monkeypatch.setattr(edges, "_MANY_EDGES", 2.0)
+    at_once = edges.edge_chains(page, 12)
+    assert len(at_once) > 100
+    assert np.count_nonzero(at_once.parents >= 0) > 20
+    for name in ("points", "starts", "sizes", "parents"):
+        np.testing.assert_array_equal(getattr(in_strips, name), getattr(at_once, name))

@@ -9,6 +9,7 @@ import numpy as np
 
 from circlepose._typing import BoolArray, FloatArray, IntArray
 from circlepose.extraction.chains import Chains
+from circlepose.fitting.rows import joined
 
 SAMPLES = 16
 """Points that stand for an arc."""
@@ -21,6 +22,8 @@ _BEND_RAD = np.radians(14.0)
 """Turning that the pixel grid alone does not make."""
 SHORTEST_CHAIN = 60
 _SHORTEST_ARC = 20
+_AT_ONCE = 5_000
+"""Points of chains that are cut together, about: more would take more memory."""
 _TWIN_PX = 2.0
 _TWIN_SHARE = 0.1
 
@@ -58,6 +61,11 @@ def arcs_of(chains: Chains) -> Arcs:
     chains = chains[chains.sizes >= SHORTEST_CHAIN]
     if len(chains) == 0:
         return Arcs(np.empty((0, SAMPLES, 2)), np.empty(0))
+    part = np.cumsum(chains.sizes) // _AT_ONCE
+    return joined([_arcs_of(chains[part == i]) for i in np.unique(part)])
+
+
+def _arcs_of(chains: Chains) -> Arcs:
     cuts = np.flatnonzero(_is_cut(chains))
     owner = chains.owner[cuts]
     starts, sizes = chains.starts[owner], chains.sizes[owner]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from functools import partial
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from circlepose.extraction.grouping import MOST_ARCS, bulging, joined_arcs
 from circlepose.extraction.pyramid import to_full_size
 from circlepose.extraction.unexplained import rims_drawn
 from circlepose.fitting.quick_fit import fit_each
+from circlepose.fitting.rows import in_parts
 from circlepose.target import AxisIntervals
 
 _SHORTEST = 12
@@ -88,6 +90,8 @@ def rough_ellipses(
     is_settled[rest[clean]] = True
     # A chain that strays, or is too long, has merged with something, or is none; its arcs may still be of a rim.
     pieces = _pieces(chains, np.flatnonzero(large & ~is_settled), on_known, lines=intervals.major_px is not None)
+    # It takes as much memory as the image.
+    del on_known
     from_arcs = _from_arcs(pieces, longest)
     rejected[Rejection.NOT_ELLIPTICAL] += int(np.count_nonzero(~fits))
     found = joined_ellipses([closed, opened, from_arcs])
@@ -121,8 +125,7 @@ def _closed(chains: Chains, whole: BoolArray) -> tuple[Ellipse, BoolArray, BoolA
     good = np.abs(fullness - 1.0) <= 1.0 - _LEAST_FULLNESS
     good &= ellipse.semi_minor >= 1.0
     kept = np.flatnonzero(good)
-    distance = rim_distance(ellipse[kept], chains.samples(index[kept], _SAMPLES))
-    rms = np.sqrt(np.mean(distance**2, axis=1))
+    rms = in_parts(partial(_straying, chains), index[kept], ellipse[kept])
     good[kept] = rms < np.maximum(_CLOSED_RMS_PX, _ROUGH_RMS_SHARE * 2.0 * ellipse.semi_minor[kept])
     is_closed, is_settled = np.zeros(len(chains), np.bool_), np.zeros(len(chains), np.bool_)
     is_closed[index[good]] = True
@@ -132,6 +135,11 @@ def _closed(chains: Chains, whole: BoolArray) -> tuple[Ellipse, BoolArray, BoolA
     area[index] = ellipse.semi_major * ellipse.semi_minor
     twin = (parent >= 0) & is_closed[parent] & (area[index] > (1.0 - _TWIN_AREA) * area[parent])
     return ellipse[good & ~twin], is_closed, is_settled
+
+
+def _straying(chains: Chains, which: IntArray, ellipse: Ellipse) -> FloatArray:
+    """Return how far (rms, px) each of the chains `which` (m,) strays from the ellipse that it is held against."""
+    return np.asarray(np.sqrt(np.mean(rim_distance(ellipse, chains.samples(which, _SAMPLES)) ** 2, axis=1)))
 
 
 def _opened(
@@ -147,7 +155,7 @@ def _opened(
     if len(index) == 0:
         return _no_ellipses(), settled, fits
     samples = chains.samples(rest[index], _SAMPLES)
-    ellipse, good, _ = _trimmed(samples, chains.sizes[rest[index]].astype(np.float64))
+    ellipse, good, _ = in_parts(_trimmed, samples, chains.sizes[rest[index]].astype(np.float64))
     distance = np.abs(rim_distance(ellipse, samples))
     # With less of it on the ellipse its arcs say more.
     good &= np.mean(distance < _near(ellipse)[:, None], axis=1) >= _MOSTLY
@@ -196,7 +204,7 @@ def _from_arcs(arcs: Arcs, longest: float) -> Ellipse:
     """Return the ellipses of single arcs and of those that lie on one, the fullest."""
     if len(arcs) == 0:
         return _no_ellipses()
-    single, good, share = _trimmed(arcs.samples, arcs.lengths)
+    single, good, share = in_parts(_trimmed, arcs.samples, arcs.lengths)
     cover = share * arcs.lengths / (np.pi * (single.semi_major + single.semi_minor))
     joined, joined_cover = joined_arcs(arcs[bulging(arcs)], longest)
     found = joined_ellipses([single[good], joined])

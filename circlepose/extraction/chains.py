@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from circlepose._typing import BoolArray, FloatArray, IntArray
-from circlepose.conic import Ellipse, joined_ellipses
+from circlepose.conic import Ellipse
+from circlepose.fitting.rows import in_parts
 
 _CORNERS = 64
-_AT_ONCE = 128
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,6 +54,19 @@ class Chains:
             parents=place[parents[chosen]],
         )
 
+    @classmethod
+    def joined(cls, parts: Sequence[Self]) -> Self:
+        """Return the chains of all `parts` of an image."""
+        points, chains = (np.cumsum([0, *map(len, each)]) for each in ([p.points for p in parts], parts))
+        return cls(
+            points=np.concatenate([part.points for part in parts]),
+            starts=np.concatenate([part.starts + before for part, before in zip(parts, points, strict=False)]),
+            sizes=np.concatenate([part.sizes for part in parts]),
+            parents=np.concatenate(
+                [part.parents + before * (part.parents >= 0) for part, before in zip(parts, chains, strict=False)]
+            ),
+        )
+
     def __len__(self) -> int:
         return len(self.starts)
 
@@ -62,7 +75,8 @@ class Chains:
         index = np.flatnonzero(which) if which.dtype == np.bool_ else which
         sizes = self.sizes[index]
         starts = np.cumsum(sizes) - sizes
-        rows = np.arange(int(sizes.sum())) + np.repeat(self.starts[index] - starts, sizes)
+        rows = np.repeat(self.starts[index] - starts, sizes)
+        rows += np.arange(len(rows))
         return type(self)(self.points[rows], starts, sizes, np.full(len(index), -1))
 
     @property
@@ -95,9 +109,7 @@ class Chains:
         for a chain that goes there and back. Green's theorem over a polygon of 64 of its points.
         """
         # Of a page of text there are thousands: in parts, so that what is in memory is bounded.
-        parts = [self._moments(which[i : i + _AT_ONCE]) for i in range(0, max(len(which), 1), _AT_ONCE)]
-        ellipses, fullness = zip(*parts, strict=True)
-        return joined_ellipses(ellipses), np.concatenate(fullness)
+        return in_parts(self._moments, which)
 
     def _moments(self, which: IntArray) -> tuple[Ellipse, FloatArray]:
         origin = self.points[self.starts[which]]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -14,6 +15,8 @@ TILE_PX = 64
 """Side of the tiles in which edges are looked for, where not everywhere."""
 _MOST_WITHIN = 0.5
 """Share of the image from which all of it is as cheap."""
+_MANY_EDGES, _STRIP_PX = 0.1, 64
+"""Share of an image from which its edges are followed in strips, and about their height."""
 _BLUR_PX, _BLUR_SIZE = 0.8, 5
 """Enough against pixel noise; more would join the edges of discs that nearly touch."""
 _QUIET_SHARE = 0.25
@@ -50,8 +53,29 @@ def edge_chains(grey8: Image, shortest: int, tiles: BoolArray | None = None) -> 
     has merged with still has its hole. With `tiles` (rows, columns), only of edges in those.
     """
     edges = edge_map(grey8) if tiles is None else _edges_within(grey8, tiles)
-    borders, hierarchy = cv2.findContours(edges, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
-    return Chains.of_borders(borders, hierarchy, shortest, size=max(grey8.shape))
+    chains = []
+    # Borders as they are found take much more memory than chains. (The lowest are found first.)
+    for top, bottom in reversed(_strips(edges)):
+        found = cv2.findContours(edges[top:bottom], cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE, offset=(0, top))
+        if top == 0:
+            # Nor is this needed any more.
+            del edges
+        chains.append(Chains.of_borders(*found, shortest, size=max(grey8.shape)))
+    return Chains.joined(chains)
+
+
+def _strips(edges: Image) -> list[tuple[int, int]]:
+    """Return the first row and the one after the last of strips of `edges` (h, w) that no edge crosses.
+
+    All of it is one, where edges are few.
+    """
+    height = len(edges)
+    if cv2.countNonZero(edges) < _MANY_EDGES * edges.size:
+        return [(0, height)]
+    empty = np.flatnonzero(cv2.reduce(edges, 1, cv2.REDUCE_MAX).ravel() == 0)
+    strip = empty // _STRIP_PX
+    cuts = empty[np.flatnonzero(np.diff(strip, prepend=-1))].tolist()
+    return [(top, bottom) for top, bottom in pairwise([0, *cuts, height]) if bottom > top]
 
 
 def edge_map(grey8: Image, *, least_gradient: float = LEAST_GRADIENT) -> Image:

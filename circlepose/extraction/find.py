@@ -7,10 +7,11 @@ again in the finer ones. Edges are placed in the full image, but only along cand
 from __future__ import annotations
 
 from collections import Counter
+from functools import partial
 
 import numpy as np
 
-from circlepose._typing import BoolArray, Image, IntArray
+from circlepose._typing import BoolArray, FloatArray, Image, IntArray
 from circlepose.conic import Ellipse, joined_ellipses, rim_distance
 from circlepose.extraction import EXTRACTIONS
 from circlepose.extraction.candidates import rough_ellipses, without_repeats
@@ -19,11 +20,12 @@ from circlepose.extraction.grey import eight_bit
 from circlepose.extraction.partial import PartialRim, in_runs, partial_rims
 from circlepose.extraction.pyramid import pyramid
 from circlepose.extraction.repeats import inside_others, repeats, same
-from circlepose.extraction.rim import edges_along
+from circlepose.extraction.rim import RimEdges, edges_along
 from circlepose.extraction.rim_fit import fit_offsets
 from circlepose.extraction.slivers import find_slivers
 from circlepose.extraction.unexplained import unexplained_tiles
 from circlepose.extraction.verify import REASONS, Candidates, are_hopeless
+from circlepose.fitting.rows import in_parts, joined
 from circlepose.fitting.thin_ellipse import THIN_PX, are_thin
 from circlepose.target import AxisIntervals, Polarity
 
@@ -111,16 +113,16 @@ def find_contours(
             rough = rough[~are_lines]
         new = _verified(levels, rough, _REACH_PX + _REACH_PER_SCALE * scale, rejected)
         if new is not None:
-            found = new if found is None else found.joined_with(new)
+            found = new if found is None else joined([found, new])
             kept, reasons = select(found)
         if enough is not None and found is not None and not slivers_wanted:
             evident = found.evidence[[i for i in kept if found.share[i] > _WHOLE]]
             if len(evident) >= enough and evident[enough - 1] > np.pi * _SEEN_PX * scale * range_:
                 break
     if found is not None:
-        partial = _partial_rims(levels, found, kept, reasons, enough)
-        if partial:
-            found = found.joined_with(Candidates.of_partial(partial))
+        hidden = _partial_rims(levels, found, kept, reasons, enough)
+        if hidden:
+            found = joined([found, Candidates.of_partial(hidden)])
             kept, reasons = select(found)
         rejected.update(reasons.values())
     contours = [found.contour(i) for i in kept] if found is not None else []
@@ -155,8 +157,7 @@ def _verified(levels: Image, rough: Ellipse, reach_px: float, rejected: Counter[
     for last, (reach, places) in enumerate(passes):
         if len(rough) == 0:
             return None
-        edges = edges_along(levels, rough, reach, places, quick=True)
-        moved, left = fit_offsets(rough, edges.offset_px, edges.valid)
+        edges, moved, left = in_parts(partial(_moved_to_edges, levels, reach, places), rough)
         on_it = edges.valid & (np.abs(left) <= np.maximum(_NEAR_PX, _NEAR_SHARE * moved.semi_major)[:, None])
         least = np.where(moved.semi_major < _SMALL_PX, _LEAST_SMALL, _LEAST_EDGES)
         alive = np.count_nonzero(on_it, axis=1) >= least * places
@@ -176,6 +177,14 @@ def _verified(levels: Image, rough: Ellipse, reach_px: float, rejected: Counter[
             # So close that the edges would be found in the same places again.
             break
     return Candidates.of(rough, edges) if len(rough) else None
+
+
+def _moved_to_edges(
+    levels: Image, reach_px: float, places: int, rough: Ellipse
+) -> tuple[RimEdges, Ellipse, FloatArray]:
+    """Return the edges along ellipses, these as the edges ask for, and what is left of the offsets (m, places)."""
+    edges = edges_along(levels, rough, reach_px, places, quick=True)
+    return edges, *fit_offsets(rough, edges.offset_px, edges.valid)
 
 
 def _selected(

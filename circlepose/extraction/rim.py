@@ -17,8 +17,6 @@ _DIFFERENCE_VARIANCE = 1.0 / 12.0
 """px^2 that differencing over 1 px adds to the spread of the gradient along a profile."""
 _REMAP_MOST = 32_000
 """OpenCV counts the rows and columns of a remapped image in 16 bits."""
-_AT_ONCE = 128
-"""Rims along which edges are placed together: more would not be sooner, but take more memory."""
 _HALF_WINDOW = 4
 """Steps on either side of the steepest point over which the gradient's centroid is taken: 2 px."""
 
@@ -42,11 +40,6 @@ class RimEdges:
         """Return the rims of the batch that `which`, a mask (m,) or indices, names."""
         return type(self)(*(getattr(self, field.name)[which] for field in fields(self)))
 
-    @classmethod
-    def joined(cls, parts: list[Self]) -> Self:
-        """Join batches with equally many places."""
-        return cls(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(cls)))
-
 
 def ellipse_rim(ellipse: Ellipse, number: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return rim points (m, number, 2) of m ellipses, their outward unit normals, and their curvature (m, number)."""
@@ -64,9 +57,6 @@ def edges_along(grey: Image, ellipse: Ellipse, reach_px: float, places: int, *, 
 
     `quick` is for many rims: levels are rounded, which costs some hundredths of a px.
     """
-    if len(ellipse) > _AT_ONCE:
-        parts = [ellipse[i : i + _AT_ONCE] for i in range(0, len(ellipse), _AT_ONCE)]
-        return RimEdges.joined([edges_along(grey, part, reach_px, places, quick=quick) for part in parts])
     points, normals, curvature = ellipse_rim(ellipse, places)
     # In a small or thin ellipse the search must not come out on the other side.
     reach = np.minimum(reach_px, np.maximum(0.45 * ellipse.semi_minor + 0.5, 1.0))

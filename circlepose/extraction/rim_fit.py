@@ -12,14 +12,12 @@ from dataclasses import replace
 import numpy as np
 
 from circlepose._typing import BoolArray, FloatArray
-from circlepose.conic import Ellipse, joined_ellipses, own_normals, unit_circle, wrap_half_turn
+from circlepose.conic import Ellipse, own_normals, unit_circle, wrap_half_turn
 
 _ROUNDS = 3
 _SCALES = (0.1, 1.0)
 """Least and largest scale (px) of the weights that let go of stray edges."""
 _RIDGE = 1e-9
-_AT_ONCE = 128
-"""Rims moved together: more would not be sooner, but take more memory."""
 
 
 def fit_offsets(ellipse: Ellipse, offsets: FloatArray, valid: BoolArray) -> tuple[Ellipse, FloatArray]:
@@ -28,12 +26,6 @@ def fit_offsets(ellipse: Ellipse, offsets: FloatArray, valid: BoolArray) -> tupl
     Returns them and what is left of the offsets (m, k), to first order. Places not `valid` (m, k) count nothing,
     those that stand apart from the others little.
     """
-    if len(ellipse) > _AT_ONCE:
-        parts = [
-            fit_offsets(ellipse[i : i + _AT_ONCE], offsets[i : i + _AT_ONCE], valid[i : i + _AT_ONCE])
-            for i in range(0, len(ellipse), _AT_ONCE)
-        ]
-        return joined_ellipses([moved for moved, _ in parts]), np.concatenate([left for _, left in parts])
     places = offsets.shape[1]
     cos, sin = unit_circle(places)
     area = (ellipse.semi_major * ellipse.semi_minor)[:, None]

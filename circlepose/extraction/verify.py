@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
@@ -12,6 +12,7 @@ from circlepose.conic import Ellipse, joined_ellipses, rim_distance
 from circlepose.extraction.contour import WANTED_SIGN, Contour, Rejection
 from circlepose.extraction.partial import PartialRim
 from circlepose.extraction.rim import RimEdges
+from circlepose.fitting.rows import joined
 from circlepose.fitting.thin_ellipse import are_thin
 from circlepose.target import AxisIntervals, Polarity
 
@@ -94,14 +95,7 @@ class Candidates:
     def of_partial(cls, rims: list[PartialRim]) -> Self:
         """Measure rims that were fitted to the places that agree with each other."""
         ellipse = joined_ellipses([rim.ellipse[None] for rim in rims])
-        return cls.of(ellipse, RimEdges.joined([rim.edges for rim in rims]), np.stack([rim.on_rim for rim in rims]))
-
-    def joined_with(self, other: Self) -> Self:
-        """Return both batches as one."""
-        ellipse = joined_ellipses([self.ellipse, other.ellipse])
-        arrays = [f.name for f in fields(self) if f.name not in ("ellipse", "edges")]
-        joined = {name: np.concatenate([getattr(self, name), getattr(other, name)]) for name in arrays}
-        return type(self)(ellipse=ellipse, edges=RimEdges.joined([self.edges, other.edges]), **joined)
+        return cls.of(ellipse, joined([rim.edges for rim in rims]), np.stack([rim.on_rim for rim in rims]))
 
     def why_not(
         self, intervals: AxisIntervals, polarity: Polarity, least_step: float, *, of_rings: bool = False

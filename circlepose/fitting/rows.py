@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import fields, is_dataclass
 from typing import Any, TypeVar
 
@@ -10,6 +11,9 @@ import numpy as np
 from circlepose._typing import IntArray
 
 _Batch = TypeVar("_Batch")
+_Result = TypeVar("_Result")
+_AT_ONCE = 128
+"""More would not be sooner, but take more memory."""
 
 
 def rows(batch: _Batch, which: IntArray | slice) -> _Batch:
@@ -24,6 +28,28 @@ def put_rows(batch: _Batch, which: IntArray, others: _Batch, those: IntArray | N
     else:
         for own, other in zip(_parts(batch), _parts(others), strict=True):
             put_rows(own, which, other, those)
+
+
+def in_parts(function: Callable[..., _Result], *batches: Any) -> _Result:
+    """Return what `function` makes of `batches` (each of m rims), called with some of the rims at a time."""
+    number = len(batches[0])
+    if number <= _AT_ONCE:
+        return function(*batches)
+    parts = [slice(i, i + _AT_ONCE) for i in range(0, number, _AT_ONCE)]
+    return joined([function(*(rows(batch, part) for batch in batches)) for part in parts])
+
+
+def joined(batches: Sequence[_Batch]) -> _Batch:
+    """Return the rims of all `batches` as one."""
+    return _joined(batches)
+
+
+def _joined(batches: Sequence[Any]) -> Any:
+    first = batches[0]
+    if isinstance(first, np.ndarray):
+        return np.concatenate(batches)
+    parts = tuple(_joined(each) for each in zip(*map(_parts, batches), strict=True))
+    return parts if isinstance(first, tuple) else type(first)(*parts)
 
 
 def _rows(batch: Any, which: IntArray | slice) -> Any:
