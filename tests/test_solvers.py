@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from cases import circle_case, circle_cases, nearest_candidate, random_rotation, same_solution_set
@@ -78,14 +78,18 @@ def test_kanatani_liu_gives_the_same_two_poses(case):
 
 @given(circle_cases(tilts=st.floats(0.0, 90.0)))
 def test_the_contour_route_is_exact_up_to_its_sampling(case):
+    distance = float(np.linalg.norm(case.center))
+    # Closer by, edge-on, places that are even on the circle leave gaps like hidden arcs on its near side.
+    assume(case.radius < 0.75 * distance)
     chords = chords_from_contour(rim_rays(case, 720))
     assert isinstance(chords, Chords)
     centers, normals = chen_huang.poses_from_frame(chords.frame, case.radius)
     exact = chen_huang_poses(case)
     position, angle = nearest_candidate(*exact, centers[0], normals[0])
-    # The parabolas leave about 1e-4 of the chords' lengths, and tilts near frontal take the root of that.
-    assert position <= 7e-3
-    assert angle <= 3e-2
+    # The polynomials leave about 1e-4 of the chords' lengths, and tilts near frontal take the root of that. A tilt
+    # moves the centre by as much of the radius, at most.
+    assert angle <= 2e-2
+    assert position <= 1e-4 + 1e-2 * case.radius / distance
 
 
 def test_the_misprinted_formulas_of_the_paper():
