@@ -79,8 +79,8 @@ def test_kanatani_liu_gives_the_same_two_poses(case):
 @given(circle_cases(tilts=st.floats(0.0, 90.0)))
 def test_the_contour_route_is_exact_up_to_its_sampling(case):
     distance = float(np.linalg.norm(case.center))
-    # Closer by, edge-on, places that are even on the circle leave gaps like hidden arcs on its near side.
-    assume(case.radius < 0.75 * distance)
+    # Close by, nearly edge-on, places that are even on the circle leave gaps like hidden arcs on its near side.
+    assume(case.radius < 0.7 * distance or case.tilt_deg < 80.0)
     chords = chords_from_contour(rim_rays(case, 720))
     assert isinstance(chords, Chords)
     centers, normals = chen_huang.poses_from_frame(chords.frame, case.radius)
@@ -89,7 +89,7 @@ def test_the_contour_route_is_exact_up_to_its_sampling(case):
     # The polynomials leave about 1e-4 of the chords' lengths, and tilts near frontal take the root of that. A tilt
     # moves the centre by as much of the radius, at most.
     assert angle <= 2e-2
-    assert position <= 1e-4 + 1e-2 * case.radius / distance
+    assert position <= 1e-4 + 8.8e-3 * case.radius / distance
 
 
 def test_the_misprinted_formulas_of_the_paper():
