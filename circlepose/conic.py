@@ -7,7 +7,7 @@ is on it when `x' C x = 0`. All functions take leading batch axes.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Self
 
@@ -152,11 +152,6 @@ def own_normals(ellipse: Ellipse, number: int) -> tuple[FloatArray, FloatArray, 
     x, y = ellipse.semi_minor[:, None] * unit_x, ellipse.semi_major[:, None] * unit_y
     per_norm = 1.0 / np.maximum(np.sqrt(x * x + y * y), 1e-12)
     return x * per_norm, y * per_norm, per_norm
-
-
-def joined_ellipses(batches: Sequence[Ellipse]) -> Ellipse:
-    """Return the ellipses of all batches as one."""
-    return Ellipse(*(np.concatenate([getattr(e, field.name) for e in batches]) for field in fields(Ellipse)))
 
 
 def wrap_half_turn(angle: FloatArray) -> FloatArray:

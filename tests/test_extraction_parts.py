@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from circlepose.conic import Ellipse, joined_ellipses, rim_distance
+from circlepose.conic import Ellipse, rim_distance
 from circlepose.extraction import edges
 from circlepose.extraction.arcs import SHORTEST_CHAIN, arcs_of
 from circlepose.extraction.chains import Chains
@@ -17,6 +17,7 @@ from circlepose.extraction.rim import edges_along
 from circlepose.extraction.rim_fit import fit_offsets
 from circlepose.fitting.direct import fit_ellipse
 from circlepose.fitting.quick_fit import fit_each, fit_scatter, scatter_of
+from circlepose.fitting.rows import joined
 
 
 def random_ellipses(number: int, seed: int = 3) -> Ellipse:
@@ -152,7 +153,7 @@ def test_averaging_shifts_pixel_centres_as_the_formula_says():
 
 
 def test_repeats_and_what_is_inside_are_told():
-    ellipses = joined_ellipses(
+    ellipses = joined(
         [Ellipse.from_axes([[100.0, 100.0]], [[a, b]], [0.0]) for a, b in ((50, 40), (50.5, 40.2), (30, 24), (30, 5))]
         + [Ellipse.from_axes([[180.0, 100.0]], [[50.0, 40.0]], [0.0])]
     )

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from circlepose._typing import BoolArray, FloatArray, Image, IntArray
-from circlepose.conic import Ellipse, joined_ellipses, rim_distance
+from circlepose.conic import Ellipse, rim_distance
 from circlepose.extraction import EXTRACTIONS
 from circlepose.extraction.arcs import SHORTEST_CHAIN, Arcs, arcs_of
 from circlepose.extraction.chains import Chains
@@ -19,7 +19,7 @@ from circlepose.extraction.grouping import MOST_ARCS, bulging, joined_arcs
 from circlepose.extraction.pyramid import to_full_size
 from circlepose.extraction.unexplained import rims_drawn
 from circlepose.fitting.quick_fit import fit_each
-from circlepose.fitting.rows import in_parts
+from circlepose.fitting.rows import in_parts, joined
 from circlepose.target import AxisIntervals
 
 _SHORTEST = 12
@@ -94,7 +94,7 @@ def rough_ellipses(
     del on_known
     from_arcs = _from_arcs(pieces, longest)
     rejected[Rejection.NOT_ELLIPTICAL] += int(np.count_nonzero(~fits))
-    found = joined_ellipses([closed, opened, from_arcs])
+    found = joined([closed, opened, from_arcs])
     found = Ellipse(
         to_full_size(found.center, scale), found.semi_major * scale, found.semi_minor * scale, found.angle
     )
@@ -206,9 +206,9 @@ def _from_arcs(arcs: Arcs, longest: float) -> Ellipse:
         return _no_ellipses()
     single, good, share = in_parts(_trimmed, arcs.samples, arcs.lengths)
     cover = share * arcs.lengths / (np.pi * (single.semi_major + single.semi_minor))
-    joined, joined_cover = joined_arcs(arcs[bulging(arcs)], longest)
-    found = joined_ellipses([single[good], joined])
-    ranked = found[np.argsort(-np.concatenate([cover[good], joined_cover]), kind="stable")]
+    together, together_cover = joined_arcs(arcs[bulging(arcs)], longest)
+    found = joined([single[good], together])
+    ranked = found[np.argsort(-np.concatenate([cover[good], together_cover]), kind="stable")]
     return without_repeats(ranked, 1.0)[:_MOST_FROM_ARCS]
 
 

@@ -12,7 +12,7 @@ from functools import partial
 import numpy as np
 
 from circlepose._typing import BoolArray, FloatArray, Image, IntArray
-from circlepose.conic import Ellipse, joined_ellipses, rim_distance
+from circlepose.conic import Ellipse, rim_distance
 from circlepose.extraction import EXTRACTIONS
 from circlepose.extraction.candidates import rough_ellipses, without_repeats
 from circlepose.extraction.contour import Extraction, Rejection
@@ -127,7 +127,7 @@ def find_contours(
         rejected.update(reasons.values())
     contours = [found.contour(i) for i in kept] if found is not None else []
     if thin and (slivers_wanted or (enough is not None and len(contours) < enough)):
-        lines = without_repeats(joined_ellipses(thin[::-1]), 1.0)
+        lines = without_repeats(joined(thin[::-1]), 1.0)
         slivers = find_slivers(levels, lines, intervals, polarity, rejected)
         contours = [*slivers, *(c for c in contours if not any(same(c.ellipse, s.ellipse) for s in slivers))]
     refused = _NONE if found is None else found.ellipse[list(reasons)]

@@ -8,7 +8,7 @@ from typing import Self
 import numpy as np
 
 from circlepose._typing import BoolArray, FloatArray, IntArray
-from circlepose.conic import Ellipse, joined_ellipses, rim_distance
+from circlepose.conic import Ellipse, rim_distance
 from circlepose.extraction.contour import WANTED_SIGN, Contour, Rejection
 from circlepose.extraction.partial import PartialRim
 from circlepose.extraction.rim import RimEdges
@@ -94,7 +94,7 @@ class Candidates:
     @classmethod
     def of_partial(cls, rims: list[PartialRim]) -> Self:
         """Measure rims that were fitted to the places that agree with each other."""
-        ellipse = joined_ellipses([rim.ellipse[None] for rim in rims])
+        ellipse = joined([rim.ellipse[None] for rim in rims])
         return cls.of(ellipse, joined([rim.edges for rim in rims]), np.stack([rim.on_rim for rim in rims]))
 
     def why_not(
