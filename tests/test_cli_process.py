@@ -16,14 +16,7 @@ import numpy as np
 import pytest
 
 from discs import disc_folder
-
-COMMAND = [sys.executable, "-c", "import sys; from circlepose_cli.app import main; sys.exit(main())"]
-
-
-def run(*args, **options):
-    return subprocess.run(
-        [*COMMAND, *map(str, args)], capture_output=True, text=True, timeout=60, check=False, **options
-    )
+from processes import COMMAND, environment, run
 
 
 @pytest.fixture(scope="module")
@@ -71,6 +64,7 @@ def test_a_reader_that_goes_away_is_no_failure(folder):
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
+        env=environment(),
     ) as process:
         assert process.stdout.readline().startswith("image,")
         process.stdout.close()
@@ -101,6 +95,7 @@ def test_an_interrupted_run_keeps_its_rows_and_counts_the_rest(folder, number):
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
+        env=environment(),
     ) as process:
         assert process.stderr.readline() == "waiting\n"
         process.send_signal(number)
@@ -120,6 +115,7 @@ def stream(*args):
         stderr=subprocess.PIPE,
         text=True,
         bufsize=1,
+        env=environment(),
         start_new_session=True,
     ) as process:
         try:
@@ -205,27 +201,11 @@ def test_a_disk_that_fills_up_leaves_the_output_as_it_was_and_what_is_finished(f
     assert not journal.exists()
 
 
-def test_a_full_disk_is_told(folder):
-    if not Path("/dev/full").exists():
-        pytest.skip("there is no /dev/full here")
-    with Path("/dev/full").open("w") as full:
-        done = subprocess.run(
-            [*COMMAND, "estimate", str(folder)],
-            stdout=full,
-            stderr=subprocess.PIPE,
-            text=True,
-            timeout=60,
-            check=False,
-        )
-    assert done.returncode == 2
-    assert "standard output: No space left on device." in done.stderr
-
-
-def in_terminal(command, environment):
+def in_terminal(command, variables):
     """Run in a pseudo-terminal and return what it shows."""
     pty = pytest.importorskip("pty")
     leader, follower = pty.openpty()
-    with subprocess.Popen(command, stdin=follower, stdout=follower, stderr=follower, env=environment) as process:
+    with subprocess.Popen(command, stdin=follower, stdout=follower, stderr=follower, env=variables) as process:
         os.close(follower)
         shown = b""
         while True:
@@ -242,11 +222,11 @@ def in_terminal(command, environment):
 
 
 def test_a_terminal_gets_a_table_and_a_bar_and_no_colour_is_respected(folder):
-    environment = {**os.environ, "TERM": "xterm-256color", "COLUMNS": "140"}
-    environment.pop("NO_COLOR", None)
-    shown = in_terminal([*COMMAND, "estimate", str(folder)], environment)
+    variables = environment(TERM="xterm-256color", COLUMNS="140")
+    variables.pop("NO_COLOR", None)
+    shown = in_terminal([*COMMAND, "estimate", str(folder)], variables)
     assert "ambiguity" in shown
     assert "measuring" in shown
     coloured = "\x1b[3"
     assert coloured in shown
-    assert coloured not in in_terminal([*COMMAND, "estimate", str(folder)], {**environment, "NO_COLOR": "1"})
+    assert coloured not in in_terminal([*COMMAND, "estimate", str(folder)], {**variables, "NO_COLOR": "1"})

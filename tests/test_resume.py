@@ -26,6 +26,7 @@ class Run:
     def __init__(self, folder):
         self.folder = folder
         self.measured = []
+        self.warnings = []
         self.status = {}
         self.items = []
         for number in range(5):
@@ -49,7 +50,7 @@ class Run:
         texts = []
         with (
             Journal(path, conditions(options), resume=resume, output="out.csv") as journal,
-            closing(measure_with_journal(self.items, journal, self.measure)) as results,
+            closing(measure_with_journal(self.items, journal, self.measure, self.warnings.append)) as results,
         ):
             for result in results:
                 texts.append(dumps(image_record(result)))

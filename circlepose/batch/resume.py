@@ -54,12 +54,13 @@ def conditions(options: MeasureOptions) -> Mapping[str, str]:
 
 
 def measure_with_journal(
-    items: Iterable[WorkItem], journal: Journal, measure: Measure
+    items: Iterable[WorkItem], journal: Journal, measure: Measure, warn: Callable[[str], None]
 ) -> Generator[ImageResult, None, None]:
     """Yield the results of all `items` in their order: those in `journal` from there, the others from `measure`.
 
-    What is measured is added to the journal before it is yielded, except what another try may change. Raises
-    `UsageError` at an image that was finished with another camera or target: a table must not mix them.
+    What is measured is added to the journal before it is yielded, except what another try may change. An image whose
+    entry cannot be read is measured again; `warn` gets a sentence that says so. Raises `UsageError` at an image that
+    was finished with another camera or target: a table must not mix them.
     """
     begun: deque[_Entry | None] = deque()
 
@@ -67,7 +68,7 @@ def measure_with_journal(
         for item in with_states(items):
             # Before the image is read: a file that changes meanwhile is measured again next time.
             entry = _entry(item)
-            known = None if entry is None else _finished(entry, item, journal)
+            known = None if entry is None else _finished(entry, item, journal, warn)
             begun.append(entry if known is None else None)
             yield item if known is None else known
 
@@ -98,7 +99,7 @@ def _entry(item: WorkItem) -> _Entry | None:
     )
 
 
-def _finished(entry: _Entry, item: WorkItem, journal: Journal) -> ImageResult | None:
+def _finished(entry: _Entry, item: WorkItem, journal: Journal, warn: Callable[[str], None]) -> ImageResult | None:
     """Return the result of an image that is finished and has not changed."""
     values = journal.find(entry.key)
     if values is None:
@@ -106,7 +107,8 @@ def _finished(entry: _Entry, item: WorkItem, journal: Journal) -> ImageResult | 
     try:
         before = _Entry(**{name: values[name] for name in _Entry.__slots__})  # type: ignore[arg-type]
         result = restored_result(values["result"])
-    except (KeyError, ValueError):
+    except (KeyError, ValueError) as error:
+        warn(f"{journal.path}: the entry of {item.name} cannot be read ({error}); the image is measured again.")
         return None
     if before.key != entry.key:
         return None

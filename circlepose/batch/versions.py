@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping
+from importlib import metadata
 
 import cv2
 import numpy as np
-import scipy
 
 from circlepose import __version__
 
@@ -17,7 +17,8 @@ def versions() -> dict[str, str]:
     return {
         "circlepose": __version__,
         "numpy": np.__version__,
-        "scipy": scipy.__version__,
+        # Its import takes as long as that of OpenCV, and few runs need it.
+        "scipy": metadata.version("scipy"),
         "opencv": cv2.__version__,
         "python": f"{sys.version_info[0]}.{sys.version_info[1]}",
     }

@@ -5,18 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from typing import Any, Self
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from circlepose._typing import BoolArray, FloatArray, Image
+from circlepose._typing import BoolArray, FloatArray, Image, RealArray
 from circlepose.conic import Ellipse, own_normals
 
 _STEP_PX = 0.5
 _DIFFERENCE_VARIANCE = 1.0 / 12.0
 """px^2 that differencing over 1 px adds to the spread of the gradient along a profile."""
-_REMAP_MOST = 32_000
-"""OpenCV counts the rows and columns of a remapped image in 16 bits."""
 _HALF_WINDOW = 4
 """Steps on either side of the steepest point over which the gradient's centroid is taken: 2 px."""
 
@@ -168,10 +165,9 @@ def quick_profiles(
 ) -> tuple[NDArray[Any], BoolArray]:
     """Return what `_profiles` does, sooner and in float32.
 
-    In an 8 or 16 bit image levels between pixels are rounded to whole ones.
+    `cv2.remap` would be sooner still, but rounds levels and places, otherwise in each release of OpenCV.
     """
     height, width = grey.shape
-    number, places = points.shape[:2]
     offset = t.astype(np.float32)
     x, y = (
         points[..., i, None].astype(np.float32) + offset * normals[..., i, None].astype(np.float32) for i in (0, 1)
@@ -179,12 +175,7 @@ def quick_profiles(
     # The image is convex: what begins and ends in it lies in it.
     ends_x, ends_y = x[..., [0, -1]], y[..., [0, -1]]
     inside = ((ends_x >= 0.0) & (ends_x <= width - 1.0) & (ends_y >= 0.0) & (ends_y <= height - 1.0)).all(axis=-1)
-    if max(height, width, number, places * len(t)) > _REMAP_MOST:
-        level, _ = sample(grey, np.stack([x, y], axis=-1).astype(np.float64))
-        return level.astype(np.float32), inside
-    shape = (number, places * len(t))
-    remapped = cv2.remap(grey, x.reshape(shape), y.reshape(shape), cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return remapped.astype(np.float32).reshape(number, places, len(t)), inside
+    return _bilinear(grey, x, y).astype(np.float32, copy=False), inside
 
 
 def sample(grey: Image, where: FloatArray) -> tuple[FloatArray, BoolArray]:
@@ -192,12 +183,23 @@ def sample(grey: Image, where: FloatArray) -> tuple[FloatArray, BoolArray]:
     height, width = grey.shape
     x, y = where[..., 0], where[..., 1]
     inside = (x >= 0.0) & (x <= width - 1.0) & (y >= 0.0) & (y <= height - 1.0)
-    x0 = np.clip(np.nan_to_num(x), 0.0, width - 1.000001).astype(np.int32)
-    y0 = np.clip(np.nan_to_num(y), 0.0, height - 1.000001).astype(np.int32)
+    return np.where(inside, _bilinear(grey, x, y), 0.0).astype(np.float64), inside
+
+
+def _bilinear(grey: Image, x: RealArray, y: RealArray) -> RealArray:
+    """Return the bilinear levels at `x`, `y` (...) px; outside the image those of its border."""
+    height, width = grey.shape
+    # Unlike clip, these take NaN for the border.
+    x = np.fmin(np.fmax(x, 0.0), width - 1.0)
+    y = np.fmin(np.fmax(y, 0.0), height - 1.0)
+    # The last row and column have no neighbor further on: they are reached from the one before.
+    x0 = np.minimum(x.astype(np.int32), max(width - 2, 0))
+    y0 = np.minimum(y.astype(np.int32), max(height - 2, 0))
     fx, fy = (x - x0).astype(np.float32), (y - y0).astype(np.float32)
     flat = np.ascontiguousarray(grey).reshape(-1)
     index = y0 * width + x0
     right, below = (1 if width > 1 else 0), (width if height > 1 else 0)
-    top = flat[index] * (1.0 - fx) + flat[index + right] * fx
-    bottom = flat[index + below] * (1.0 - fx) + flat[index + below + right] * fx
-    return np.where(inside, top * (1.0 - fy) + bottom * fy, 0.0).astype(np.float64), inside
+    before = 1.0 - fx
+    top = flat.take(index) * before + flat.take(index + right) * fx
+    bottom = flat.take(index + below) * before + flat.take(index + (below + right)) * fx
+    return np.asarray(top * (1.0 - fy) + bottom * fy)

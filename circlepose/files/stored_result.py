@@ -14,7 +14,7 @@ from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get
 
 import numpy as np
 
-from circlepose._typing import frozen
+from circlepose._typing import FloatArray, frozen
 from circlepose.pose import ImageResult
 
 T = TypeVar("T")
@@ -62,7 +62,8 @@ def _restored(plain: Any, kind: Any) -> Any:
         return _restored(plain, kind)
     if origin is tuple:
         return tuple(_restored(each, arguments[0]) for each in plain)
-    if origin is np.ndarray:
+    if kind == FloatArray:
+        # Which of NumPy's releases decides what `get_origin` makes of it.
         return frozen(np.array(plain, dtype=np.float64))
     if origin in {Mapping, Literal} or kind in {str, int, float, bool}:
         return plain

@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
 import traceback
@@ -23,8 +24,10 @@ from circlepose_cli.check import check
 from circlepose_cli.estimate import estimate
 from circlepose_cli.explain import explain
 from circlepose_cli.inspect import inspect
+from circlepose_cli.installation import broken_package
 from circlepose_cli.render import render
 from circlepose_cli.statuses import statuses
+from circlepose_cli.streams import standard_streams
 from circlepose_cli.study import study
 
 BUG = 1
@@ -72,34 +75,48 @@ def _options(
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the command line `args` (default: those of the process) and return the exit code."""
-    stdout = sys.stdout
     debugging.show_tracebacks(bool(os.environ.get("CIRCLEPOSE_DEBUG")))
-    try:
-        app(args=args, prog_name="circlepose")
-    except SystemExit as end:
-        code = end.code if isinstance(end.code, int) else 0
-    except CircleposeError as error:
-        code = error.exit_code
-        _tell(str(error))
-    except OSError as error:
-        code = ENVIRONMENT
-        _tell(f"{error.filename or 'standard output'}: {error.strerror or error}.")
-    except Exception as error:
-        code = BUG
-        _tell(_bug_report(error))
-    # Typer replaces the stream when its reader has gone, as `| head` does: that is no failure.
-    reader_gone = sys.stdout is not stdout
-    sys.stdout = stdout
-    return 0 if reader_gone or not _flushed() else code
+    with standard_streams():
+        try:
+            try:
+                app(args=args, prog_name="circlepose")
+            finally:
+                sys.stdout.flush()
+        except SystemExit as end:
+            return end.code if isinstance(end.code, int) else 0
+        except CircleposeError as error:
+            _report(str(error))
+            return error.exit_code
+        except OSError as error:
+            _report(_system_failure(error))
+            return ENVIRONMENT
+        except MemoryError:
+            _report("memory ran out; give a smaller --jobs, or smaller images.")
+            return ENVIRONMENT
+        except Exception as error:
+            broken = broken_package(error)
+            _report(broken or _bug_report(error))
+            return ENVIRONMENT if broken else BUG
+    raise AssertionError("Typer ends with SystemExit")
 
 
-def _tell(message: str) -> None:
+def _report(message: str) -> None:
     if debugging.tracebacks_shown():
         traceback.print_exc()
     # A line end in a name must not begin a line that looks like one of ours.
     lines = [printable(line) for line in redacted(message).split("\n")]
     shown = [lines[0], *(line if line.startswith(" ") else f"  {line}" for line in lines[1:])]
     print("circlepose: " + "\n".join(shown), file=sys.stderr)
+
+
+def _system_failure(error: OSError) -> str:
+    """Return a sentence on what the system refused."""
+    if error.errno in (errno.EMFILE, errno.ENFILE):
+        return "too many files are open; raise the limit (ulimit -n), or give a smaller --jobs."
+    if error.errno == errno.ENOENT and not error.filename:
+        return "the working directory no longer exists; change to another."
+    where = f"{error.filename}: " if error.filename else ""
+    return f"{where}{error.strerror or error}."
 
 
 def _bug_report(error: Exception) -> str:
@@ -109,14 +126,3 @@ def _bug_report(error: Exception) -> str:
         "This is a bug: please report it with the command line, the version "
         f"({__version__}) and what --verbose shows."
     )
-
-
-def _flushed() -> bool:
-    """Send what is left to standard output; tell whether its reader is still there."""
-    try:
-        sys.stdout.flush()
-    except BrokenPipeError:
-        # The interpreter flushes once more when it ends.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return False
-    return True

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import sys
 from collections import Counter
 from dataclasses import dataclass
@@ -47,9 +46,6 @@ def run(request: Request) -> int:
         _refuse_update(measured, reference)
     comparison = compare(measured.table, reference.table, tolerance, request.candidate)
     output_format = choose_format(request.output_format, None, to_terminal=sys.stdout.isatty())
-    if isinstance(sys.stdout, io.TextIOWrapper):
-        # The same bytes whatever the locale; line ends as in a file.
-        sys.stdout.reconfigure(encoding="utf-8", newline="")
     write_comparison(comparison, tolerance, sys.stdout, output_format)
     for note in comparison.notes:
         _tell(note, request)

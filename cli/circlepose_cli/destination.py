@@ -5,7 +5,6 @@ What is to be at a URL stands in a folder of this machine until it is whole, and
 
 from __future__ import annotations
 
-import io
 import os
 import sys
 from contextlib import AbstractContextManager, nullcontext
@@ -47,7 +46,4 @@ def open_output(output: Place | None, journal: Journal | None) -> AbstractContex
     if output is not None:
         # The journal's lock keeps the name for this run; what a killed one left there is overwritten.
         return atomic_writer(output, temporary=None if journal is None else journal.path.with_suffix(".part"))
-    if isinstance(sys.stdout, io.TextIOWrapper):
-        # The same bytes whatever the locale; line ends as in a file.
-        sys.stdout.reconfigure(encoding="utf-8", newline="")
     return nullcontext(sys.stdout)

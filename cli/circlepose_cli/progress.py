@@ -7,7 +7,7 @@ import time
 import traceback
 from collections import Counter
 from collections.abc import Callable, Generator, Iterator
-from contextlib import AbstractContextManager, closing, contextmanager, suppress
+from contextlib import AbstractContextManager, closing, contextmanager
 from typing import TYPE_CHECKING
 
 from circlepose.batch.resume import LOST
@@ -48,7 +48,7 @@ class Reporter:
         """Show a bar meanwhile, if standard error is a terminal; else a line now and then."""
         self._total = total
         self._pace = Pace(self._clock())
-        if self._quiet or not shows_bar or sys.stderr is None or not sys.stderr.isatty():
+        if self._quiet or not shows_bar or not sys.stderr.isatty():
             yield
             return
         with _new_bar() as bar:
@@ -101,16 +101,15 @@ class Reporter:
         return ", ".join(f"{status} {number}" for status, number in self.failures.most_common())
 
     def note(self, message: str) -> None:
-        """Say something, unless told to be quiet; a listener that has gone is no reason to end a run."""
-        if self._quiet or sys.stderr is None:
+        """Say something, unless told to be quiet."""
+        if self._quiet:
             return
         shown = printable(redacted(message))
-        with suppress(OSError):
-            if self._bar is not None:
-                self._bar[0].console.print(shown, markup=False, highlight=False, soft_wrap=True)
-            else:
-                # One piece, as threads speak here.
-                print(f"{shown}\n", end="", file=sys.stderr, flush=True)
+        if self._bar is not None:
+            self._bar[0].console.print(shown, markup=False, highlight=False, soft_wrap=True)
+        else:
+            # One piece, as threads speak here.
+            print(f"{shown}\n", end="", file=sys.stderr, flush=True)
 
     def detail(self, message: str) -> None:
         """Say something, if told to be verbose."""

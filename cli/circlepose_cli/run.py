@@ -86,10 +86,13 @@ def run(request: Request) -> int:
     output_format = choose_format(request.output_format, output, to_terminal=to_terminal)
     # Rows that go to the terminal one by one would tear a bar.
     shows_bar = not (to_terminal and output_format is not FormatChoice.TABLE)
-    with open_journal(output, options, resume=request.resume) or nullcontext() as journal:
+    with (
+        Interruption() as interruption,
+        open_journal(output, options, resume=request.resume) or nullcontext() as journal,
+    ):
         if journal is not None and journal.discarded:
             reporter.note(f"{journal.path}: was left by an unfinished run; it is begun anew, without --resume")
-        with open_output(output, journal) as handle, Interruption() as interruption:
+        with open_output(output, journal) as handle:
             bar = reporter.running(total, shows_bar=shows_bar)
             measured = _measured(items, options, request, reporter, journal, total)
             with closing(follow(measured, reporter, bar, interruption)) as results:
@@ -121,7 +124,7 @@ def _measured(
 
         measure = partial(measure_on_cluster, address=request.cluster, tell=reporter.note)
     measure = partial(measure, options=options, timeout_s=request.timeout_s, on_bug=reporter.bug)
-    return measure(items) if journal is None else measure_with_journal(items, journal, measure)
+    return measure(items) if journal is None else measure_with_journal(items, journal, measure, reporter.note)
 
 
 def _images(request: Request, setups: Setups) -> tuple[Iterable[InputImage], int | None]:

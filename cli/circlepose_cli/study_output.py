@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import csv
-import io
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from textwrap import fill, wrap
@@ -19,8 +16,8 @@ from rich.text import Text
 
 from circlepose import __version__
 from circlepose.files import records, tables
-from circlepose.files.atomic import atomic_writer
 from circlepose.studies.published import Triple
+from circlepose_cli.destination import open_output
 from circlepose_cli.options import FormatChoice
 from circlepose_cli.output import choose_format
 
@@ -45,7 +42,7 @@ class Sheet:
 def write_sheet(sheet: Sheet, asked: FormatChoice | None, path: Path | None) -> None:
     """Write `sheet` to standard output or to the file at `path`, in the form asked for or that fits the place."""
     form = choose_format(asked, path, to_terminal=path is None and sys.stdout.isatty())
-    with _output(path) as handle:
+    with open_output(path, None) as handle:
         if form is FormatChoice.TABLE:
             _write_table(sheet, handle)
         elif form is FormatChoice.CSV:
@@ -56,18 +53,6 @@ def write_sheet(sheet: Sheet, asked: FormatChoice | None, path: Path | None) -> 
         # Rows alone would not say what their numbers are.
         for note in sheet.notes:
             print(note, file=sys.stderr)
-
-
-@contextmanager
-def _output(path: Path | None) -> Iterator[TextIO]:
-    if path is not None:
-        with atomic_writer(path) as handle:
-            yield handle
-        return
-    if isinstance(sys.stdout, io.TextIOWrapper):
-        # The same bytes whatever the locale; line ends as in a file.
-        sys.stdout.reconfigure(encoding="utf-8", newline="")
-    yield sys.stdout
 
 
 def _write_table(sheet: Sheet, handle: TextIO) -> None:

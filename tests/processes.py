@@ -1,0 +1,32 @@
+"""The command as a process of its own, in a shell like a user's."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import subprocess
+import sys
+
+import pytest
+
+COMMAND = [sys.executable, "-m", "circlepose"]
+
+
+def environment(**more: str) -> dict[str, str]:
+    """Return the environment of this process, without what hides how streams are buffered."""
+    return {**{name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}, **more}
+
+
+def run(*args, **options):
+    """Run the command line `args` and return the process that has ended, with its streams as text."""
+    options = {"env": environment(), "timeout": 120, **options}
+    return subprocess.run([*COMMAND, *map(str, args)], capture_output=True, text=True, check=False, **options)
+
+
+def shell(line, *args, **options):
+    """Run `line` by bash, in which $circlepose is the command and $1, $2, ... are `args`."""
+    if not os.path.exists("/bin/bash"):  # noqa: PTH110
+        pytest.skip("there is no bash here")
+    options = {"env": environment(circlepose=shlex.join(COMMAND)), "timeout": 120, **options}
+    command = ["/bin/bash", "-c", line, "bash", *map(str, args)]
+    return subprocess.run(command, capture_output=True, text=True, check=False, **options)
