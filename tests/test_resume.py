@@ -134,3 +134,21 @@ def test_a_picture_that_is_missing_is_drawn_again(run, tmp_path):
     pictures[2].unlink()
     run.go()
     assert run.measured == ["2.png"]
+
+
+@pytest.mark.parametrize("spoil", [{"result": 3}, {"result": {"image": "a", "status": "odd"}}, {"size": None}])
+def test_an_entry_that_cannot_be_read_is_named_and_its_image_measured_again(run, spoil):
+    whole = run.go()
+    path = journal_path(run.folder / "out.csv")
+    with Journal(path, conditions(OPTIONS), resume=True, output="out.csv") as journal:
+        key = f"2.png\0{run.items[2].path}"
+        values = journal.find(key)
+        values = (
+            {name: value for name, value in values.items() if name != "size"} if "size" in spoil else values | spoil
+        )
+        journal.add(key, values)
+    assert run.go() == whole
+    assert run.measured == ["2.png"]
+    assert len(run.warnings) == 1
+    assert "the entry of 2.png cannot be read (" in run.warnings[0]
+    assert run.warnings[0].endswith("; the image is measured again.")
