@@ -31,7 +31,7 @@ def _write_and_break_off(handle: TextIO, path: Path) -> None:
 def test_nothing_changes_before_the_end_nor_after_a_failure(tmp_path: Path) -> None:
     path = tmp_path / "t.csv"
     path.write_text("old")
-    with pytest.raises(KeyboardInterrupt), atomic_writer(path) as handle:
+    with pytest.raises(KeyboardInterrupt), atomic_writer(path, overwrite=True) as handle:
         _write_and_break_off(handle, path)
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
@@ -49,7 +49,7 @@ def test_the_mode_is_that_of_any_new_file(tmp_path: Path, mask: int) -> None:
 
 
 def test_a_link_stays_a_link(tmp_path: Path) -> None:
-    (tmp_path / "real.csv").write_text("old")
+    (tmp_path / "real.csv").write_text("")
     (tmp_path / "link.csv").symlink_to(tmp_path / "real.csv")
     with atomic_writer(tmp_path / "link.csv") as handle:
         handle.write("new")

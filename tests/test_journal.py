@@ -85,7 +85,7 @@ def test_two_runs_do_not_write_the_same(path):
 
 def test_a_file_that_is_no_journal_is_left_alone(path):
     path.write_text("precious")
-    with pytest.raises(OutputError, match="no journal of circlepose"):
+    with pytest.raises(OutputError, match="exists and is not a circlepose journal; move or delete it"):
         opened(path)
     assert path.read_text() == "precious"
 

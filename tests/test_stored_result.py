@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import io
 import json
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -50,15 +51,18 @@ def test_results_without_a_pose_are_written_the_same():
     assert [stored(each).image_size for each in results] == [None, (3, 2), (320, 240)]
 
 
-@given(st.lists(st.floats(width=64), min_size=8, max_size=8), st.floats())
-def test_numbers_are_kept_to_the_last_bit(values, residual):
-    candidate = Candidate(np.array(values[:3]), np.array(values[3:6]), np.array(values[6:]))
+FINITE = st.floats(allow_nan=False, allow_infinity=False)
+
+
+@given(st.lists(FINITE, min_size=5, max_size=5), st.integers(0, 999), st.floats())
+def test_numbers_are_kept_to_the_last_bit(values, seed, residual):
+    normal = np.random.default_rng(seed).normal(size=3)
+    candidate = Candidate(np.array(values[:3]), normal / np.linalg.norm(normal), np.array(values[3:]))
     result = made_result(replace(made_circle(), candidates=(candidate,), residual_px=residual))
     circle = stored(result).circles[0]
     for name in ("center", "normal", "imaged_center"):
         before, after = getattr(candidate, name), getattr(circle.candidates[0], name)
-        assert np.array_equal(before.view(np.int64), after.view(np.int64)) or np.isnan(before).any()
-        assert np.array_equal(before, after, equal_nan=True)
+        assert np.array_equal(before.view(np.int64), after.view(np.int64))
     assert np.array_equal(circle.residual_px, residual, equal_nan=True)
 
 
@@ -75,3 +79,54 @@ def test_contours_are_left_out_and_all_else_is_kept():
 def test_what_is_no_stored_result_is_refused(plain):
     with pytest.raises(ValueError, match=r"stored result|Status"):
         restored_result(plain)
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        ("chosen", 7),
+        ("chosen", -1),
+        ("chosen", True),
+        ("chosen", 0.0),
+        ("ambiguity", 1.5),
+        ("ambiguity", "0.5"),
+        ("radius_mm", -3.0),
+        ("radius_mm", None),
+        ("method", 3),
+        ("instance", "0"),
+        ("flags", ["odd"]),
+        ("flags", "ambiguous"),
+        ("status", None),
+        ("candidates", [3]),
+        ("candidates", {}),
+        ("candidates.0.center", [1.0, 2.0]),
+        ("candidates.0.center", [math.nan, 0.0, 1.0]),
+        ("candidates.0.center", [math.inf, 0.0, 1.0]),
+        ("candidates.0.center", ["1", "2", "x"]),
+        ("candidates.0.center", None),
+        ("candidates.0.normal", [0.0, 0.0, -2.0]),
+        ("candidates.0.normal", [[0.0, 0.0, -1.0]]),
+        ("candidates.0.imaged_center", [1.0]),
+        ("candidates.0.covariance", [[1.0]]),
+        ("candidates.0.generatrix_mm", "3"),
+        ("candidates.0.odd", 1),
+    ],
+)
+def test_values_that_cannot_be_are_refused(path, value):
+    plain = json.loads(json.dumps(plain_result(made_result())))
+    *way, last = path.split(".")
+    place = plain["circles"][0]
+    for key in way:
+        place = place[int(key) if key.isdigit() else key]
+    place[last] = value
+    with pytest.raises(ValueError, match=r".*"):
+        restored_result(plain)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"), [("image_size", [3]), ("rejected", 3), ("rejected", {"a": "b"}), ("image", 3)]
+)
+def test_values_of_an_image_that_cannot_be_are_refused(key, value):
+    plain = json.loads(json.dumps(plain_result(made_result())))
+    with pytest.raises(ValueError, match=r".*"):
+        restored_result(plain | {key: value})

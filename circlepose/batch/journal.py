@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import stat
 import sys
 import zlib
 from collections.abc import Iterator, Mapping
@@ -17,7 +18,7 @@ from pathlib import Path
 from typing import IO, Self
 
 from circlepose.errors import OutputError, UsageError
-from circlepose.files.atomic import open_on_behalf
+from circlepose.files.atomic import on_behalf, sync_folder_of
 
 if sys.platform != "win32":
     import fcntl
@@ -62,13 +63,21 @@ class Journal:
         self._writer.close()
 
     def find(self, key: str) -> dict[str, object] | None:
-        """Return the values last added under `key` before the journal was opened."""
+        """Return the values last added under `key` before the journal was opened.
+
+        Raises `ValueError` where a whole line holds something else: it was not written by this class.
+        """
         offset = self._offsets.get(_short(key))
         if offset is None:
             return None
         self._reader.seek(offset)
         read = _read_line(self._reader.readline())
-        return None if read is None else json.loads(read[1])
+        if read is None:
+            return None
+        values = _values(read[1])
+        if values is None:
+            raise ValueError("it holds no values")
+        return values
 
     def add(self, key: str, values: Mapping[str, object]) -> None:
         """Append `values` under `key`; they are there even if the run is killed at once."""
@@ -83,7 +92,7 @@ class Journal:
         self._writer.seek(0)
         start = self._writer.read(len(_MAGIC))
         if not _MAGIC.startswith(start):
-            raise OutputError(f"{self.path}: is in the way, and is no journal of circlepose; move it away.")
+            raise _no_journal(self.path)
         lines = _whole_lines(self._writer)
         first = next(lines, None)
         if first is None:
@@ -91,10 +100,17 @@ class Journal:
         if not resume:
             self.discarded = next(lines, None) is not None
             return 0
-        _refuse_other_conditions(self.path, json.loads(first[1]), conditions)
+        begun_with = _values(first[1])
+        if begun_with is None:
+            raise UsageError(
+                f"{self.path}: its first line does not say how the run was begun; leave out --resume to measure all "
+                "images again."
+            )
+        _refuse_other_conditions(self.path, begun_with, conditions)
         end = first[2]
         for key, _, line_end in lines:
-            self._offsets[bytes.fromhex(key)] = end
+            with suppress(ValueError):
+                self._offsets[bytes.fromhex(key)] = end
             end = line_end
         return end
 
@@ -112,7 +128,7 @@ class Journal:
 def _opened_alone(path: Path, output: str) -> IO[bytes]:
     """Open for appending and take the lock, which ends with the process, however it ends."""
     while True:
-        handle: IO[bytes] = open_on_behalf(path, output, "a+", binary=True, buffering=0)
+        handle = _opened(path, output)
         if sys.platform == "win32":
             # There are no such locks: two runs with one output are the user's affair.
             return handle
@@ -131,7 +147,29 @@ def _opened_alone(path: Path, output: str) -> IO[bytes]:
         handle.close()
 
 
-def _refuse_other_conditions(path: Path, before: Mapping[str, str], now: Mapping[str, str]) -> None:
+def _opened(path: Path, output: str) -> IO[bytes]:
+    """Open a regular file of one name, never through a link, for reading and appending."""
+    flags = os.O_RDWR | os.O_CREAT | os.O_APPEND | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
+    try:
+        with on_behalf(output):
+            descriptor = os.open(path, flags, 0o666)
+    except OutputError:
+        if not path.is_symlink():
+            raise
+        raise _no_journal(path) from None
+    status = os.fstat(descriptor)
+    if not stat.S_ISREG(status.st_mode) or status.st_nlink > 1:
+        os.close(descriptor)
+        raise _no_journal(path)
+    sync_folder_of(path)
+    return os.fdopen(descriptor, "rb+", buffering=0)
+
+
+def _no_journal(path: Path) -> OutputError:
+    return OutputError(f"{path}: exists and is not a circlepose journal; move or delete it.")
+
+
+def _refuse_other_conditions(path: Path, before: Mapping[str, object], now: Mapping[str, str]) -> None:
     changed = [
         f"{name} was {before.get(name, 'not there')} and is {now.get(name, 'not there')}"
         for name in {**before, **now}
@@ -168,7 +206,16 @@ def _read_line(line: bytes) -> tuple[str, bytes] | None:
     if not line.endswith(b"\n") or checksum != b"%08x" % zlib.crc32(content):
         return None
     key, _, values = content.partition(b" ")
-    return key.decode(), values
+    return key.decode("ascii", "replace"), values
+
+
+def _values(text: bytes) -> dict[str, object] | None:
+    """Return the values of a line, None where they are no JSON object."""
+    try:
+        values = json.loads(text)
+    except (ValueError, RecursionError):
+        return None
+    return values if isinstance(values, dict) else None
 
 
 def _short(key: str) -> bytes:

@@ -48,6 +48,8 @@ class WorkItem:
     target: Target
     overlay: Path | None = None
     """where to write the picture of the result, if anywhere"""
+    overwrite: bool = False
+    """whether the picture may replace a file that circlepose did not write"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +100,7 @@ def _measure_file(item: WorkItem, options: MeasureOptions) -> ImageResult:
         name=item.name,
     )
     if item.overlay is not None:
-        _write_overlay(item.overlay, image, result, item.camera)
+        _write_overlay(item.overlay, image, result, item.camera, overwrite=item.overwrite)
     return result
 
 
@@ -107,13 +109,13 @@ def _without_name(error: ImageError, item: WorkItem) -> str:
     return str(error).removeprefix(f"{item.path}: ").rstrip(".")
 
 
-def _write_overlay(path: Path, image: Image, result: ImageResult, camera: Camera) -> None:
+def _write_overlay(path: Path, image: Image, result: ImageResult, camera: Camera, *, overwrite: bool) -> None:
     from circlepose.overlay import draw_overlay  # noqa: PLC0415 - drawing is rarely asked for
 
     size = (image.shape[1], image.shape[0])
     if result.circles and camera.image_size not in (None, size):
         camera = camera.scaled_to(size)
-    write_image(path, draw_overlay(image, result, camera))
+    write_image(path, draw_overlay(image, result, camera), drawn=True, overwrite=overwrite)
 
 
 def measure_files(

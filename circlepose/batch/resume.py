@@ -101,16 +101,16 @@ def _entry(item: WorkItem) -> _Entry | None:
 
 def _finished(entry: _Entry, item: WorkItem, journal: Journal, warn: Callable[[str], None]) -> ImageResult | None:
     """Return the result of an image that is finished and has not changed."""
-    values = journal.find(entry.key)
-    if values is None:
-        return None
     try:
+        values = journal.find(entry.key)
+        if values is None:
+            return None
         before = _Entry(**{name: values[name] for name in _Entry.__slots__})  # type: ignore[arg-type]
         result = restored_result(values["result"])
     except (KeyError, ValueError) as error:
         warn(f"{journal.path}: the entry of {item.name} cannot be read ({error}); the image is measured again.")
         return None
-    if before.key != entry.key:
+    if before.key != entry.key or result.image != item.name:
         return None
     for what in ("camera", "target"):
         if getattr(before, what) != getattr(entry, what):

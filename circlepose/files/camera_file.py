@@ -82,7 +82,7 @@ def read_camera_file(source: Source, camera_name: str | None = None) -> CameraFi
     return CameraFile(camera, form.name, Path(name), target, (*notes, *_doubts(camera)))
 
 
-def write_camera(camera: Camera, path: str | os.PathLike[str]) -> None:
+def write_camera(camera: Camera, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
     """Write `camera` as OpenCV FileStorage YAML, every float to the last bit; raises `OutputError`."""
     entries: dict[str, int | str | FloatArray] = {}
     if camera.image_size is not None:
@@ -98,7 +98,7 @@ def write_camera(camera: Camera, path: str | os.PathLike[str]) -> None:
             "distortion_coefficients": camera.dist_coeffs[None, :],
         }
     )
-    with atomic_writer(path) as handle:
+    with atomic_writer(path, overwrite=overwrite) as handle:
         handle.write(text)
 
 

@@ -15,6 +15,7 @@ from circlepose.files.decoder_messages import decoders_quiet, tells_of_lost_pixe
 from circlepose.files.image_bytes import IMAGE_SUFFIXES, is_complete, known_format, without_remarks
 from circlepose.files.image_content import read_content
 from circlepose.files.image_size import over_limit, stated_size
+from circlepose.files.marks import HEAD_BYTES, is_drawn, with_picture_mark
 from circlepose.files.remote import RemoteFile
 from circlepose.pose import Status
 
@@ -43,6 +44,8 @@ def decode_image(content: bytes, name: str) -> Image:
     if kind is None:
         what = "is no image of a known format" if content else "is empty"
         raise ImageError(Status.NOT_AN_IMAGE, f"{name}: {what}.")
+    if is_drawn(content[:HEAD_BYTES]):
+        raise ImageError(Status.NOT_AN_IMAGE, f"{name}: is a picture that circlepose drew, not a photograph.")
     # OpenCV 4 fills the lost part of a JPEG with grey and says nothing.
     if not is_complete(content, kind):
         raise ImageError(Status.TRUNCATED_IMAGE, f"{name}: the {kind} image ends early; copy or take it again.")
@@ -64,8 +67,11 @@ def decode_image(content: bytes, name: str) -> Image:
     return image
 
 
-def write_image(path: str | os.PathLike[str], image: Image) -> None:
-    """Write `image` in the format that the name's ending says, whole or not at all; raises `OutputError`."""
+def write_image(path: str | os.PathLike[str], image: Image, *, drawn: bool = False, overwrite: bool = False) -> None:
+    """Write `image` in the format that the name's ending says, whole or not at all; raises `OutputError`.
+
+    A PNG or JPEG file bears our mark. With `drawn`, for a picture about a photograph, it is never measured itself.
+    """
     name, suffix = os.fspath(path), Path(path).suffix.lower()
     if suffix not in IMAGE_SUFFIXES:
         raise OutputError(f"{name}: expected a name that ends in .png, .jpg or another image ending.")
@@ -76,8 +82,8 @@ def write_image(path: str | os.PathLike[str], image: Image) -> None:
         done = False
     if not done:
         raise OutputError(f"{name}: an image of {image.dtype}, {image.shape} cannot be stored as {suffix}.")
-    with atomic_writer(path, binary=True) as handle:
-        handle.write(encoded.tobytes())
+    with atomic_writer(path, binary=True, overwrite=overwrite) as handle:
+        handle.write(with_picture_mark(encoded.tobytes(), drawn=drawn))
 
 
 def _decoded(content: bytes | bytearray) -> tuple[Image | None, list[str]]:

@@ -12,6 +12,7 @@ from pathlib import Path
 from circlepose.errors import UsageError
 from circlepose.files.globs import is_pattern, matches, refused_folder
 from circlepose.files.image_bytes import is_image_name
+from circlepose.files.marks import is_drawn_file
 from circlepose.files.names import redacted
 from circlepose.files.remote import Place, RemoteFile, is_url, place_of, require
 from circlepose.files.remote_listing import images_at, is_listing
@@ -47,7 +48,8 @@ def expand_inputs(
 ) -> Iterator[InputImage]:
     """Return the images that `inputs` stand for: in the order typed, folders and globs in natural order, each once.
 
-    - A folder stands for the images in it (and in folders below, if `recursive`); hidden ones are left out.
+    - A folder stands for the images in it (and in folders below, if `recursive`); hidden ones are left out, and so
+      are pictures that circlepose drew.
     - A glob (`*`, `?`, `[...]`, `**`) that is not itself a file stands for what it matches.
     - A URL that ends in `/`, or has a pattern, stands for the images there, in the order in which they are listed and
       each taken when it is asked for; whether one comes twice is not looked at.
@@ -140,7 +142,7 @@ def _paths(typed: str, recursive: bool) -> list[str]:
     if not is_pattern(typed) or os.path.lexists(typed):
         return [typed]
     found = sorted(set(matches(*_split_at_pattern(typed))), key=natural_key)
-    images = [each for each in found if is_image_name(each) and not _is_folder(each)]
+    images = [each for each in found if is_image_name(each) and not _is_folder(each) and not is_drawn_file(each)]
     if images:
         return images
     what = f"matches no image, only {_some(found)}" if found else "matches no file"
@@ -179,7 +181,11 @@ def _listed(folder: str, recursive: bool) -> tuple[list[str], list[str], list[st
         folders += [os.path.join(root, each) for each in below]  # noqa: PTH118 - keeps the ./ that was typed
         for name in files:
             if not name.startswith("."):
-                (images if is_image_name(name) else others).append(os.path.join(root, name))  # noqa: PTH118
+                path = os.path.join(root, name)  # noqa: PTH118
+                if not is_image_name(name):
+                    others.append(path)
+                elif not is_drawn_file(path):
+                    images.append(path)
         if not recursive:
             break
     return sorted(images, key=natural_key), sorted(others, key=natural_key), folders

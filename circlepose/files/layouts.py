@@ -22,7 +22,7 @@ from circlepose.pose import CircleResult, ImageResult
 
 Layout = Literal["poses", "table1", "table2"]
 LAYOUTS: tuple[Layout, ...] = ("poses", "table1", "table2")
-DataFormat = Literal["csv", "json", "jsonl"]
+DataFormat = Literal["csv", "tsv", "json", "jsonl"]
 
 TABLE1_COLUMNS = (
     "Method",
@@ -151,7 +151,12 @@ def write_results(
 ) -> None:
     """Write all `results` to `handle` in one of the data formats and layouts; `reference` for `table2`."""
     if layout == "poses":
-        writers = {"csv": tables.write_csv, "json": records.write_json, "jsonl": records.write_jsonl}
+        writers = {
+            "csv": tables.write_csv,
+            "tsv": tables.write_tsv,
+            "json": records.write_json,
+            "jsonl": records.write_jsonl,
+        }
         writers[data_format](results, handle)
         return
     columns, rows_of = columns_and_rows(layout, reference)
@@ -163,8 +168,9 @@ def write_results(
     def plain_rows(result: ImageResult) -> Iterator[Row]:
         return ({column: _listed(row.get(column)) for column in columns} for row in rows_of(result))
 
-    if data_format == "csv":
-        tables.write_csv_rows(columns, printed_rows, results, handle)
+    if data_format in {"csv", "tsv"}:
+        delimiter = "," if data_format == "csv" else "\t"
+        tables.write_csv_rows(columns, printed_rows, results, handle, delimiter=delimiter)
     elif data_format == "json":
         records.write_json_document(schema, "rows", plain_rows, results, handle)
     else:

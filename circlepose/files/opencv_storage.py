@@ -12,6 +12,7 @@ from xml.etree import ElementTree
 
 from circlepose._typing import FloatArray
 from circlepose.errors import CalibrationError
+from circlepose.files.marks import COMMENT
 from circlepose.files.schema import shown
 from circlepose.files.yaml_text import MatrixNode, parse_yaml
 
@@ -36,7 +37,7 @@ def parse_storage(text: str, name: str) -> tuple[dict[str, object], bool]:
 
 def storage_text(entries: Mapping[str, int | str | FloatArray]) -> str:
     """Return FileStorage YAML text of whole numbers, plain words and matrices (n, m); floats keep every bit."""
-    lines = ["%YAML 1.2", "---"]
+    lines = ["%YAML 1.2", "---", COMMENT]
     for key, value in entries.items():
         if isinstance(value, int | str):
             lines.append(f"{key}: {value}")

@@ -7,10 +7,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from hashlib import blake2b
 from pathlib import Path
-from typing import TextIO
+from typing import BinaryIO
 
 from circlepose.errors import OutputError
 from circlepose.files.atomic import atomic_writer
+from circlepose.files.marks import HEAD_BYTES, is_marked
 from circlepose.files.remote import RemoteFile, first_line, opened, require
 
 _WHOLE = {"s3", "s3a", "gs", "gcs", "az", "abfs", "abfss", "adl", "oci", "memory"}
@@ -37,16 +38,19 @@ def stand_in(file: RemoteFile) -> Path:
 
 
 @contextmanager
-def uploading_writer(file: RemoteFile, temporary: Path) -> Iterator[TextIO]:
+def uploading_writer(file: RemoteFile, *, overwrite: bool = False) -> Iterator[BinaryIO]:
     """Yield a handle for what is at `file` once the block has ended; if it raises, nothing is changed there.
 
-    Until then the content is in `temporary`, in the folder of `stand_in`. Raises `UsageError` for a kind of URL that
-    is not known, and `OutputError`, before the block where possible, when it cannot be written.
+    Until then the content is in a file of this machine, in the folder of `stand_in`. Raises `UsageError` for a kind
+    of URL that is not known, and `OutputError`, before the block where possible, when it cannot be written or what is
+    there was not written by circlepose, unless `overwrite`.
     """
     _try_out(file)
+    if not overwrite:
+        _refuse_foreign(file)
     local = stand_in(file)
     try:
-        with atomic_writer(local, temporary=temporary) as handle:
+        with atomic_writer(local, binary=True, overwrite=True) as handle:
             yield handle
         _upload(local, file)
     finally:
@@ -69,6 +73,20 @@ def _try_out(file: RemoteFile) -> None:
         raise _refused(file, error) from None
     with suppress(Exception):
         files.rm_file(path + _PART)
+
+
+def _refuse_foreign(file: RemoteFile) -> None:
+    try:
+        files, path = opened(file.url)
+        head = bytes(files.cat_file(path, start=0, end=HEAD_BYTES))
+    except FileNotFoundError:
+        return
+    except Exception as error:
+        raise _refused(file, error) from None
+    if head and not is_marked(head) and not head.startswith(b"PAR1"):
+        raise OutputError(
+            f"{file}: exists and was not written by circlepose; give another name, or --overwrite to replace it."
+        )
 
 
 def _upload(local: Path, file: RemoteFile) -> None:

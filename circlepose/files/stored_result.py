@@ -6,20 +6,25 @@ Contours, which are large and in no table, are left out.
 from __future__ import annotations
 
 import dataclasses
+import math
 import types
 from collections.abc import Mapping
 from enum import Enum
 from functools import cache
-from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get_type_hints
+from typing import Any, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
 import numpy as np
 
 from circlepose._typing import FloatArray, frozen
-from circlepose.pose import ImageResult
+from circlepose.pose import CircleResult, ImageResult
 
 T = TypeVar("T")
 
 _LEFT_OUT = frozenset({"contour"})
+_PLAIN_TYPES: dict[Any, tuple[type, ...]] = {str: (str,), int: (int,), bool: (bool,), float: (float, int)}
+"""as which JSON gives values of these types"""
+_UNIT = 1e-6
+"""How far the length of a normal may be from 1."""
 
 
 def plain_result(result: ImageResult) -> dict[str, Any]:
@@ -28,11 +33,35 @@ def plain_result(result: ImageResult) -> dict[str, Any]:
 
 
 def restored_result(plain: object) -> ImageResult:
-    """Return the result that `plain_result` made `plain` of; raises `ValueError` when it is anything else."""
+    """Return the result that `plain_result` made `plain` of.
+
+    Raises `ValueError` when it is anything else: other names or types, or poses that cannot be.
+    """
     try:
-        return cast("ImageResult", _restored(plain, ImageResult))
-    except (TypeError, KeyError, AttributeError) as error:
+        result = cast("ImageResult", _restored(plain, ImageResult))
+    except (TypeError, KeyError, AttributeError, OverflowError, RecursionError) as error:
         raise ValueError(f"is no stored result: {error}") from error
+    for circle in result.circles:
+        _check_circle(circle)
+    return result
+
+
+def _check_circle(circle: CircleResult) -> None:
+    if circle.candidates and not 0 <= circle.chosen < len(circle.candidates):
+        raise ValueError(f"chosen: there is no candidate {circle.chosen}")
+    if not (0.0 <= circle.ambiguity <= 1.0):
+        raise ValueError(f"ambiguity: {circle.ambiguity} is no probability")
+    if not (0.0 < circle.radius_mm < math.inf):
+        raise ValueError(f"radius_mm: {circle.radius_mm} is no radius")
+    for candidate in circle.candidates:
+        for name, length in (("center", 3), ("normal", 3), ("imaged_center", 2)):
+            values = getattr(candidate, name)
+            if values.shape != (length,) or not np.isfinite(values).all():
+                raise ValueError(f"{name}: expected {length} finite numbers, got {values.tolist()}")
+        if abs(float(np.linalg.norm(candidate.normal)) - 1.0) > _UNIT:
+            raise ValueError(f"normal: {candidate.normal.tolist()} is no unit vector")
+        if candidate.covariance is not None and candidate.covariance.shape != (5, 5):
+            raise ValueError("covariance: expected 5 rows of 5 numbers")
 
 
 def _plain(value: Any) -> Any:
@@ -61,18 +90,36 @@ def _restored(plain: Any, kind: Any) -> Any:
         (kind,) = (each for each in arguments if each is not type(None))
         return _restored(plain, kind)
     if origin is tuple:
-        return tuple(_restored(each, arguments[0]) for each in plain)
+        return _restored_tuple(plain, arguments)
     if kind == FloatArray:
         # Which of NumPy's releases decides what `get_origin` makes of it.
-        return frozen(np.array(plain, dtype=np.float64))
-    if origin in {Mapping, Literal} or kind in {str, int, float, bool}:
+        return frozen(plain)
+    if origin is Mapping:
+        if not isinstance(plain, dict):
+            raise TypeError(f"expected names and values, got {plain!r:.40}")
+        return {key: _restored(each, arguments[1]) for key, each in plain.items()}
+    if kind in _PLAIN_TYPES:
+        if type(plain) not in _PLAIN_TYPES[kind]:
+            raise TypeError(f"expected {kind.__name__}, got {plain!r:.40}")
         return plain
     if dataclasses.is_dataclass(kind):
         hints = _hints(cast("type", kind))
+        if not isinstance(plain, dict):
+            raise TypeError(f"expected the values of a {cast('type', kind).__name__}, got {plain!r:.40}")
         return cast("type", kind)(**{name: _restored(each, hints[name]) for name, each in plain.items()})
     if isinstance(kind, type) and issubclass(kind, Enum):
         return kind(plain)
     raise TypeError(f"a {kind} cannot be restored")
+
+
+def _restored_tuple(plain: Any, arguments: tuple[Any, ...]) -> tuple[Any, ...]:
+    if not isinstance(plain, list):
+        raise TypeError(f"expected a list, got {plain!r:.40}")
+    if arguments[1:] == (Ellipsis,):
+        return tuple(_restored(each, arguments[0]) for each in plain)
+    if len(plain) != len(arguments):
+        raise TypeError(f"expected {len(arguments)} values, got {len(plain)}")
+    return tuple(map(_restored, plain, arguments))
 
 
 @cache

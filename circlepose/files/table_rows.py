@@ -17,7 +17,7 @@ from circlepose.files.schema import brief, shown
 from circlepose.files.tables import COLUMNS, csv_text
 from circlepose.pose import Status
 
-Form = Literal["csv", "json", "jsonl"]
+Form = Literal["csv", "tsv", "json", "jsonl"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,8 +43,9 @@ def read_rows(content: bytes, name: str) -> tuple[Form, Sequence[str], list[Tabl
         columns: Sequence[str] = COLUMNS
         rows = [row for where, image in images for row in _rows_of_image(where, image)]
     else:
-        form = "csv"
-        columns, rows = _csv_rows(text, name)
+        first = text.partition("\n")[0]
+        form = "tsv" if "\t" in first and "," not in first else "csv"
+        columns, rows = _csv_rows(text, name, "\t" if form == "tsv" else ",")
     if not rows:
         raise UsageError(f"{name}: has no rows; expected a table of poses.")
     return form, columns, rows
@@ -62,15 +63,15 @@ def _decoded(content: bytes, name: str) -> str:
     return text
 
 
-def _csv_rows(text: str, name: str) -> tuple[Sequence[str], list[TableRow]]:
-    reader = csv.reader(io.StringIO(text, newline=""), strict=True)
+def _csv_rows(text: str, name: str, delimiter: str) -> tuple[Sequence[str], list[TableRow]]:
+    reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter, strict=True)
     try:
         lines = [(reader.line_num, line) for line in reader if any(cell.strip() for cell in line)]
     except csv.Error as reason:
         raise UsageError(f"{name}, line {reader.line_num}: is no valid CSV ({reason}).") from None
     columns = [cell.strip() for cell in lines[0][1]] if lines else []
-    if len(columns) == 1 and any(mark in columns[0] for mark in ";\t"):
-        raise UsageError(f"{name}: its columns are parted by semicolons or tabs; expected commas.")
+    if len(columns) == 1 and ";" in columns[0]:
+        raise UsageError(f"{name}: its columns are parted by semicolons; expected commas or tabs.")
     if lines and "image" not in columns:
         raise UsageError(f"{name}: has no column image; expected a table of poses.")
     twice = [column for column, times in Counter(columns).items() if times > 1]

@@ -158,14 +158,21 @@ def write_csv(results: Iterable[ImageResult], handle: TextIO) -> None:
     write_csv_rows(COLUMNS, pose_rows, results, handle)
 
 
+def write_tsv(results: Iterable[ImageResult], handle: TextIO) -> None:
+    """Write the `poses` layout with tabs between the columns; otherwise as `write_csv`."""
+    write_csv_rows(COLUMNS, pose_rows, results, handle, delimiter="\t")
+
+
 def write_csv_rows(
     columns: tuple[str, ...],
     rows_of: Callable[[ImageResult], Iterable[Row]],
     results: Iterable[ImageResult],
     handle: TextIO,
+    *,
+    delimiter: str = ",",
 ) -> None:
     """Write a header of `columns` and the rows of each image to `handle`, flushed image by image."""
-    writer = csv.writer(handle, lineterminator="\n")
+    writer = csv.writer(handle, lineterminator="\n", delimiter=delimiter)
     writer.writerow(columns)
     handle.flush()
     for result in results:

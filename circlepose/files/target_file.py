@@ -13,6 +13,7 @@ from pydantic import Field
 
 from circlepose.errors import TargetError, UsageError
 from circlepose.files.atomic import atomic_writer
+from circlepose.files.marks import COMMENT
 from circlepose.files.schema import Strict, parse, shown
 from circlepose.files.source import Source, read_source
 from circlepose.files.yaml_text import parse_yaml
@@ -130,9 +131,10 @@ def target_to_mapping(target: Target) -> dict[str, object]:
     return mapping
 
 
-def write_target(target: Target, path: str | os.PathLike[str]) -> None:
+def write_target(target: Target, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
     """Write `target` as YAML that `read_target` reads back as it was; raises `OutputError`."""
-    with atomic_writer(path) as handle:
+    with atomic_writer(path, overwrite=overwrite) as handle:
+        handle.write(f"{COMMENT} target\n")
         yaml.safe_dump(target_to_mapping(target), handle, sort_keys=False, default_flow_style=None)
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from circlepose.errors import UsageError
 from circlepose.files.atomic import atomic_writer
+from circlepose.files.marks import with_plot_mark
 from circlepose.studies.noise import NoiseRow
 
 SUFFIXES = (".png", ".svg", ".pdf")
@@ -24,7 +25,7 @@ def check_plot(path: Path) -> None:
         raise UsageError("--plot needs matplotlib, which is not installed; run: pip install 'circlepose[report]'")
 
 
-def plot_noise(rows: Sequence[NoiseRow], path: Path) -> None:
+def plot_noise(rows: Sequence[NoiseRow], path: Path, *, overwrite: bool = False) -> None:
     """Draw both standard deviations over the noise, a line per reading, into `path` (.png, .svg or .pdf).
 
     Raises `UsageError` as `check_plot` does, and `OutputError` where the file cannot be written.
@@ -52,5 +53,5 @@ def plot_noise(rows: Sequence[NoiseRow], path: Path) -> None:
     figure.legend(loc="outside lower center", ncols=2, fontsize="small")
     picture = io.BytesIO()
     figure.savefig(picture, format=path.suffix[1:].lower(), dpi=_DPI)
-    with atomic_writer(path, binary=True) as handle:
-        handle.write(picture.getvalue())
+    with atomic_writer(path, binary=True, overwrite=overwrite) as handle:
+        handle.write(with_plot_mark(picture.getvalue()))

@@ -8,9 +8,10 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from circlepose.errors import OutputError
-from circlepose.files.atomic import atomic_writer
+from circlepose.files.atomic import atomic_writer, refuse_foreign
 from circlepose.files.camera_file import write_camera
 from circlepose.files.images import write_image
+from circlepose.files.read_files import Outputs
 from circlepose.files.scene_file import read_scenes
 from circlepose.files.tables import csv_cell
 from circlepose.files.target_file import write_target
@@ -30,12 +31,15 @@ TRUTH_COLUMNS = (
 )
 
 
-def render_to_folder(scene_path: str | os.PathLike[str], output_dir: str | os.PathLike[str]) -> list[Path]:
+def render_to_folder(
+    scene_path: str | os.PathLike[str], output_dir: str | os.PathLike[str], *, overwrite: bool = False
+) -> list[Path]:
     """Render all images of a scene file into `output_dir`, which is made if it is not there.
 
     Returns the files written: the images (`NAME.png`) in the file's order, `camera.yml` (OpenCV's form),
     `target.yaml` (unless the scenes hold no target) and `truth.csv`. Raises `SceneError` and its relatives
-    on a file that cannot be meant, before anything is written, and `OutputError`.
+    on a file that cannot be meant, and `OutputError` where a file of one of these names is there that was not
+    written by circlepose, unless `overwrite`; both before anything is written.
     """
     description = read_scenes(scene_path)
     folder = Path(output_dir)
@@ -43,23 +47,24 @@ def render_to_folder(scene_path: str | os.PathLike[str], output_dir: str | os.Pa
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as reason:
         raise OutputError(f"{folder}: cannot be made a folder ({reason.strerror}).") from None
-    written = []
-    for scene in description.scenes:
-        written.append(folder / f"{scene.name}.png")
-        write_image(written[-1], render(scene))
-    written.append(folder / "camera.yml")
-    write_camera(description.camera, written[-1])
+    images = [folder / f"{scene.name}.png" for scene in description.scenes]
+    camera, target, truth = (folder / name for name in ("camera.yml", "target.yaml", "truth.csv"))
+    written = [*images, camera, *([] if description.target is None else [target]), truth]
+    Outputs(written).refuse(Path(scene_path), "the scenes")
+    for path in written:
+        refuse_foreign(path, overwrite=overwrite)
+    for path, scene in zip(images, description.scenes, strict=True):
+        write_image(path, render(scene), overwrite=overwrite)
+    write_camera(description.camera, camera, overwrite=overwrite)
     if description.target is not None:
-        written.append(folder / "target.yaml")
-        write_target(description.target, written[-1])
-    written.append(folder / "truth.csv")
-    write_truth((row for scene in description.scenes for row in truth_rows(scene)), written[-1])
+        write_target(description.target, target, overwrite=overwrite)
+    write_truth((row for scene in description.scenes for row in truth_rows(scene)), truth, overwrite=overwrite)
     return written
 
 
-def write_truth(rows: Iterable[TruthRow], path: str | os.PathLike[str]) -> None:
+def write_truth(rows: Iterable[TruthRow], path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
     """Write true poses as CSV with `TRUTH_COLUMNS`, mm, camera frame; raises `OutputError`."""
-    with atomic_writer(path) as handle:
+    with atomic_writer(path, overwrite=overwrite) as handle:
         table = csv.writer(handle, lineterminator="\n")
         table.writerow(TRUTH_COLUMNS)
         for row in rows:

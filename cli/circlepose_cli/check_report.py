@@ -12,6 +12,7 @@ from circlepose.files import records, tables
 from circlepose.files.names import printable
 from circlepose.pose import Status
 from circlepose_cli.options import FormatChoice
+from circlepose_cli.output import DELIMITERS
 
 SCHEMA = "circlepose.check/1"
 COLUMNS = tuple(Difference.__dataclass_fields__)
@@ -25,8 +26,8 @@ def write_comparison(
     if output_format is FormatChoice.TABLE:
         if comparison.differences:
             _write_table(comparison, handle)
-    elif output_format is FormatChoice.CSV:
-        _write_csv(comparison, handle)
+    elif output_format in DELIMITERS:
+        _write_csv(comparison, handle, DELIMITERS[output_format])
     elif output_format is FormatChoice.JSON:
         handle.write(records.dumps(_record(comparison, tolerance)) + "\n")
     else:
@@ -47,8 +48,8 @@ def _record(comparison: Comparison, tolerance: Tolerance) -> tables.Row:
     }
 
 
-def _write_csv(comparison: Comparison, handle: TextIO) -> None:
-    writer = csv.writer(handle, lineterminator="\n")
+def _write_csv(comparison: Comparison, handle: TextIO, delimiter: str) -> None:
+    writer = csv.writer(handle, lineterminator="\n", delimiter=delimiter)
     writer.writerow(COLUMNS)
     for difference in comparison.differences:
         writer.writerow([tables.csv_cell(column, value) for column, value in asdict(difference).items()])

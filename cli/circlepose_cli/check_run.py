@@ -9,11 +9,12 @@ from pathlib import Path
 
 from circlepose.compare import CHANGE_MEANING, CandidateChoice, Comparison, Tolerance, compare
 from circlepose.errors import ArgumentError, UsageError
-from circlepose.files.atomic import atomic_writer
 from circlepose.files.inputs import STDIN
 from circlepose.files.names import printable
 from circlepose.files.pose_table import PoseFile, read_pose_file
+from circlepose.files.read_files import Outputs
 from circlepose_cli.check_report import write_comparison
+from circlepose_cli.destination import open_output
 from circlepose_cli.options import FormatChoice
 from circlepose_cli.output import choose_format
 
@@ -37,6 +38,8 @@ class Request:
 def run(request: Request) -> int:
     """Compare, print what differs, and return the exit code."""
     tolerance = _tolerance(request)
+    if request.update:
+        Outputs([request.against]).refuse(None if request.poses == STDIN else Path(request.poses), "the poses")
     measured = _read_poses(request.poses)
     if request.update and not request.against.exists():
         _update(measured, request)
@@ -45,7 +48,7 @@ def run(request: Request) -> int:
     if request.update:
         _refuse_update(measured, reference)
     comparison = compare(measured.table, reference.table, tolerance, request.candidate)
-    output_format = choose_format(request.output_format, None, to_terminal=sys.stdout.isatty())
+    output_format = choose_format(request.output_format, None, to_terminal=sys.stdout.isatty(), of_estimate=False)
     write_comparison(comparison, tolerance, sys.stdout, output_format)
     for note in comparison.notes:
         _tell(note, request)
@@ -96,7 +99,8 @@ def _refuse_update(measured: PoseFile, reference: PoseFile) -> None:
 
 
 def _update(measured: PoseFile, request: Request) -> None:
-    with atomic_writer(request.against, binary=True) as handle:
+    # The baseline was read as a table of poses, whatever wrote it.
+    with open_output(request.against, binary=True, overwrite=True) as handle:
         handle.write(measured.content)
     _tell(f"{request.against}: now holds {_circles(len(measured.table.circles))} of {measured.name}", request)
 

@@ -46,6 +46,7 @@ def explain(
     report_format: Annotated[
         ReportFormat, typer.Option("--format", help="Plain words, or JSON.")
     ] = ReportFormat.TEXT,
+    overwrite: options.Overwrite = False,
     quiet: options.Quiet = False,
     verbose: options.Verbose = False,
 ) -> None:
@@ -90,6 +91,7 @@ def explain(
                 extraction=extraction,
                 scale_calibration=scale_calib,
                 picture=picture,
+                overwrite=overwrite,
                 report_format=report_format,
                 quiet=quiet,
             )

@@ -12,6 +12,7 @@ from circlepose.files import records
 from circlepose.files.images import read_image, write_image
 from circlepose.files.inputs import STDIN, InputImage, expand_inputs
 from circlepose.files.names import printable
+from circlepose.files.read_files import Outputs
 from circlepose.pose import Status
 from circlepose_cli.destination import open_output
 from circlepose_cli.explain_report import report_record, report_text
@@ -35,6 +36,7 @@ class Request:
     extraction: ExtractionChoice
     scale_calibration: bool
     picture: Path | None
+    overwrite: bool
     report_format: ReportFormat
     quiet: bool
 
@@ -51,6 +53,10 @@ def run(request: Request) -> int:
         tell=lambda _, setup: _tell(request, setup),
     )
     setup = setups.for_image(image.path)
+    outputs = Outputs([request.picture])
+    outputs.refuse(image.path, "the image to explain")
+    outputs.refuse(setup.camera_file.path, "the calibration")
+    outputs.refuse(setup.target_path, "the target")
     camera = setup.camera_file.camera
     pixels = read_image(image.path)
     explanation = explain(
@@ -65,8 +71,9 @@ def run(request: Request) -> int:
     if request.picture is not None:
         from circlepose.explain_picture import draw_explanation  # noqa: PLC0415 - drawing is rarely asked for
 
-        write_image(request.picture, draw_explanation(pixels, explanation, camera))
-    with open_output(None, None) as handle:
+        drawn = draw_explanation(pixels, explanation, camera)
+        write_image(request.picture, drawn, drawn=True, overwrite=request.overwrite)
+    with open_output(None) as handle:
         if request.report_format is ReportFormat.JSON:
             handle.write(records.dumps(report_record(explanation)) + "\n")
         else:

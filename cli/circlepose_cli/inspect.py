@@ -29,6 +29,7 @@ def inspect(
     report_format: Annotated[
         ReportFormat, typer.Option("--format", help="Plain words, or JSON.")
     ] = ReportFormat.TEXT,
+    overwrite: options.Overwrite = False,
     verbose: options.Verbose = False,
 ) -> None:
     """Show which circles are found, and why others not.
@@ -42,16 +43,18 @@ def inspect(
     minor = parse_interval("--minor-px", minor_px)
 
     from circlepose.files.images import read_image, write_image  # noqa: PLC0415 - needs NumPy and OpenCV
+    from circlepose.files.read_files import Outputs  # noqa: PLC0415
     from circlepose.inspection import draw_inspection  # noqa: PLC0415
     from circlepose.inspection import inspect as inspect_image  # noqa: PLC0415
     from circlepose.target import AxisIntervals  # noqa: PLC0415
     from circlepose_cli.inspect_report import report_json, report_text  # noqa: PLC0415
 
+    Outputs([picture]).refuse(image, "the image to look at")
     pixels = read_image(image)
     inspection = inspect_image(
         pixels, AxisIntervals(major, minor), (polarity or PolarityChoice.ANY).value, rings=rings
     )
     if picture is not None:
-        write_image(picture, draw_inspection(pixels, inspection))
+        write_image(picture, draw_inspection(pixels, inspection), drawn=True, overwrite=overwrite)
     report = report_json if report_format is ReportFormat.JSON else report_text
     typer.echo(report(str(image), inspection))

@@ -45,8 +45,10 @@ class FormatChoice(StrEnum):
     """Forms of the output."""
 
     CSV = "csv"
+    TSV = "tsv"
     JSON = "json"
     JSONL = "jsonl"
+    PARQUET = "parquet"
     TABLE = "table"
 
 
@@ -222,7 +224,7 @@ ScaleCalib = Annotated[
 Recursive = Annotated[bool, typer.Option("--recursive", "-r", help="Take the images in subfolders too.")]
 Format = Annotated[
     FormatChoice | None,
-    typer.Option("--format", help="Default: table on a terminal, csv in a pipe, by its ending with -o."),
+    typer.Option("--format", help="Default: table on a terminal, csv in a pipe, by the ending of -o FILE."),
 ]
 Layout = Annotated[
     LayoutChoice,
@@ -244,7 +246,7 @@ OutputPlace = Annotated[
         "--output",
         "-o",
         metavar="FILE",
-        help="Write there (a URL, too), whole or not at all, not to standard output.",
+        help="Write there (a URL, too), whole or not at all; .csv, .tsv, .json, .jsonl (each also .gz) or .parquet.",
     ),
 ]
 Overlay = Annotated[
@@ -273,6 +275,7 @@ Resume = Annotated[
     bool,
     typer.Option("--resume", help="Go on with a run that did not come to its end: needs its -o FILE."),
 ]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace files that circlepose did not write, too.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Say nothing but what ends the run.")]
 Verbose = Annotated[
     bool, typer.Option("--verbose", "-v", help="Say what is used and rejected, and show tracebacks of bugs.")

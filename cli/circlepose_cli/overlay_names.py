@@ -12,6 +12,7 @@ from itertools import chain, count
 from pathlib import Path
 
 from circlepose.errors import OutputError, UsageError
+from circlepose.files.atomic import refuse_foreign
 from circlepose.files.inputs import InputImage
 from circlepose.files.remote import RemoteFile
 
@@ -23,8 +24,12 @@ _LONGEST_BYTES = 200
 class OverlayNames:
     """Gives each image `<its name>.png`, or its folders' names joined with `__` where several share a name."""
 
-    def __init__(self, folder: Path, known: Iterable[InputImage]) -> None:
-        """Take the images that are `known` beforehand; others may come."""
+    def __init__(self, folder: Path, known: Iterable[InputImage], *, overwrite: bool = False) -> None:
+        """Take the images that are `known` beforehand; others may come.
+
+        Raises `OutputError` where a picture would replace a file that circlepose did not write, unless `overwrite`.
+        """
+        self._overwrite = overwrite
         self._folder = folder
         self._place = os.path.realpath(folder)
         self._seen_apart: str | None = None
@@ -38,6 +43,11 @@ class OverlayNames:
         stems = Counter(_parts(image.name)[-1] for image in known)
         self._shared = {stem for stem, times in stems.items() if times > 1}
         self._used: set[str] = set()
+        if not overwrite and any(os.scandir(folder)):
+            # A rehearsal: what may not be replaced is to be known before anything is measured.
+            for image in known:
+                self.path_for(image)
+            self._used.clear()
 
     def path_for(self, image: InputImage) -> Path:
         """Return the path of the picture of `image`, different for each call."""
@@ -48,7 +58,9 @@ class OverlayNames:
         choices = chain((plain, joined), (f"{joined}-{number}" for number in count(2)))
         name = next(choice for choice in map(_shortened, choices) if self._is_free(choice))
         self._used.add(_as_file_system(name))
-        return self._folder / f"{name}.png"
+        path = self._folder / f"{name}.png"
+        refuse_foreign(path, overwrite=self._overwrite)
+        return path
 
     def _is_free(self, name: str) -> bool:
         # Through a link that lies there, the picture would be written somewhere else.

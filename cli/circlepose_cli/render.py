@@ -22,6 +22,7 @@ def render(
         Path,
         typer.Option("--output", "-o", metavar="DIR", help="Folder for images, camera.yml, target.yaml, truth.csv."),
     ],
+    overwrite: options.Overwrite = False,
     verbose: options.Verbose = False,
 ) -> None:
     """Render a scene of circles, with its truth.
@@ -32,5 +33,5 @@ def render(
         debugging.show_tracebacks(True)
     from circlepose.synthesis.produce import render_to_folder  # noqa: PLC0415 - needs NumPy and OpenCV
 
-    for path in render_to_folder(scene, output):
+    for path in render_to_folder(scene, output, overwrite=overwrite):
         typer.echo(quoted(str(path)))

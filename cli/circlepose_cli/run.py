@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Generator, Iterable, Iterator
-from contextlib import closing, nullcontext
+from contextlib import closing, nullcontext, suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -13,11 +13,12 @@ from circlepose.batch.journal import Journal
 from circlepose.batch.local import MeasureOptions, WorkItem, available_cores, measure_files
 from circlepose.batch.resume import measure_with_journal
 from circlepose.errors import UsageError
-from circlepose.files.inputs import InputImage, are_streamed, expand_inputs
+from circlepose.files.inputs import STDIN, InputImage, are_streamed, expand_inputs
+from circlepose.files.read_files import Outputs
 from circlepose.files.reference import Reference, read_reference
-from circlepose.files.remote import Place, place_of
+from circlepose.files.remote import Place
 from circlepose.pose import ImageResult
-from circlepose_cli.destination import open_journal, open_output
+from circlepose_cli.destination import Unfinished, open_journal, open_output, output_place
 from circlepose_cli.interruption import EXIT_CODE as INTERRUPTED
 from circlepose_cli.interruption import Interruption
 from circlepose_cli.lines import lines
@@ -51,6 +52,7 @@ class Request:
     reference: Path | None
     output: str | None
     overlay: Path | None
+    overwrite: bool
     jobs: int | None
     cluster: str | None
     timeout_s: float | None
@@ -63,7 +65,11 @@ def run(request: Request) -> int:
     """Measure all images that are asked for and return the exit code."""
     if request.cluster is not None and request.jobs is not None:
         raise UsageError("--jobs, --cluster: give one of them; how many measure is the cluster's affair.")
-    output = None if request.output is None else place_of(request.output)
+    output = output_place(request.output)
+    to_terminal = output is None and sys.stdout.isatty()
+    output_format = choose_format(request.output_format, output, to_terminal=to_terminal)
+    _check_form(output_format, request)
+    outputs = Outputs([output])
     reporter = Reporter(quiet=request.quiet, verbose=request.verbose)
     setups = Setups(
         calib=request.calib,
@@ -71,32 +77,40 @@ def run(request: Request) -> int:
         target_file=request.target_file,
         radius_mm=request.radius_mm,
         overrides=request.overrides,
-        tell=lambda folder, setup: _tell_setup(reporter, folder, setup),
+        tell=lambda folder, setup: _tell_setup(reporter, outputs, folder, setup),
     )
     reference = _reference(request)
-    images, total = _images(request, setups)
+    outputs.refuse(request.reference, "the reference")
+    outputs.refuse(0 if STDIN in request.inputs else None, "the list of images")
+    images, total = _images(request, setups, outputs)
     if reference is not None and total is not None:
         _check_reference(reference, request, images)
-    overlays = None if request.overlay is None else OverlayNames(request.overlay, images if total else ())
-    items = _work_items(images, setups, overlays)
+    overlays = (
+        None
+        if request.overlay is None
+        else OverlayNames(request.overlay, images if total else (), overwrite=request.overwrite)
+    )
+    items = _work_items(images, setups, overlays, overwrite=request.overwrite)
     options = MeasureOptions(
         request.method.value, request.refine, request.scale_calibration, request.extraction.value
     )
-    to_terminal = output is None and sys.stdout.isatty()
-    output_format = choose_format(request.output_format, output, to_terminal=to_terminal)
     # Rows that go to the terminal one by one would tear a bar.
     shows_bar = not (to_terminal and output_format is not FormatChoice.TABLE)
     with (
         Interruption() as interruption,
-        open_journal(output, options, resume=request.resume) or nullcontext() as journal,
+        open_journal(output, options, resume=request.resume, overwrite=request.overwrite) or nullcontext() as journal,
     ):
         if journal is not None and journal.discarded:
             reporter.note(f"{journal.path}: was left by an unfinished run; it is begun anew, without --resume")
-        with open_output(output, journal) as handle:
+        is_binary = output_format is FormatChoice.PARQUET
+        with suppress(Unfinished), open_output(output, binary=is_binary, overwrite=request.overwrite) as handle:
             bar = reporter.running(total, shows_bar=shows_bar)
             measured = _measured(items, options, request, reporter, journal, total)
             with closing(follow(measured, reporter, bar, interruption)) as results:
                 write_output(results, handle, output_format=output_format, layout=request.layout, reference=reference)
+            if interruption.received:
+                # A part of the table must not take the place of a whole one.
+                raise Unfinished
         is_done = not (interruption.received or reporter.lost)
         if journal is not None and is_done:
             journal.remove()
@@ -127,16 +141,22 @@ def _measured(
     return measure(items) if journal is None else measure_with_journal(items, journal, measure, reporter.note)
 
 
-def _images(request: Request, setups: Setups) -> tuple[Iterable[InputImage], int | None]:
+def _images(request: Request, setups: Setups, outputs: Outputs) -> tuple[Iterable[InputImage], int | None]:
     """Return the images and, unless they come as a stream, their number, once all have a setup."""
     stdin = lines(sys.stdin.buffer) if sys.stdin else None
-    images = expand_inputs(request.inputs, stdin, request.recursive)
+    images = _guarded(expand_inputs(request.inputs, stdin, request.recursive), outputs)
     if are_streamed(request.inputs):
         return images, None
     known = list(images)
     for image in known:
         setups.for_image(image.path)
     return known, len(known)
+
+
+def _guarded(images: Iterable[InputImage], outputs: Outputs) -> Iterator[InputImage]:
+    for image in images:
+        outputs.refuse(image.path, "an image to measure")
+        yield image
 
 
 def _reference(request: Request) -> Reference | None:
@@ -156,14 +176,27 @@ def _check_reference(reference: Reference, request: Request, images: Iterable[In
         )
 
 
-def _work_items(images: Iterable[InputImage], setups: Setups, overlays: OverlayNames | None) -> Iterator[WorkItem]:
+def _work_items(
+    images: Iterable[InputImage], setups: Setups, overlays: OverlayNames | None, *, overwrite: bool
+) -> Iterator[WorkItem]:
     for image in images:
         setup = setups.for_image(image.path)
         overlay = None if overlays is None else overlays.path_for(image)
-        yield WorkItem(image.path, image.name, setup.camera_file.camera, setup.target, overlay)
+        yield WorkItem(image.path, image.name, setup.camera_file.camera, setup.target, overlay, overwrite)
 
 
-def _tell_setup(reporter: Reporter, folder: Place, setup: Setup) -> None:
+def _check_form(output_format: FormatChoice, request: Request) -> None:
+    if output_format is FormatChoice.PARQUET:
+        from circlepose.files.parquet import require_parquet  # noqa: PLC0415 - few ask for it
+
+        if request.layout is not LayoutChoice.POSES:
+            raise UsageError("--format parquet: goes with --layout poses.")
+        require_parquet()
+
+
+def _tell_setup(reporter: Reporter, outputs: Outputs, folder: Place, setup: Setup) -> None:
+    outputs.refuse(setup.camera_file.path, "the calibration")
+    outputs.refuse(setup.target_path, "the target")
     for note in setup.camera_file.notes:
         reporter.note(f"{setup.camera_file.path}: {note}.")
     reporter.detail(f"{folder}: camera {setup.camera_file.path}, target {setup.target_origin}")

@@ -25,6 +25,8 @@ class Setup:
     target: Target
     target_origin: str
     """where the target came from, for a person"""
+    target_path: Path | None = None
+    """the target file, where there is one"""
 
 
 @dataclass(slots=True)
@@ -61,21 +63,21 @@ class Setups:
         if path not in self._cameras:
             self._cameras[path] = read_camera_file(path, self.camera_name)
         camera_file = self._cameras[path]
-        target, origin = self._find_target(folder, camera_file)
+        target, origin, target_path = self._find_target(folder, camera_file)
         if self.overrides.camera_sigma is not None:
             sigma = CameraSigma(*self.overrides.camera_sigma)
             camera_file = replace(camera_file, camera=replace(camera_file.camera, sigma=sigma))
-        return Setup(camera_file, _overridden(target, self.overrides), origin)
+        return Setup(camera_file, _overridden(target, self.overrides), origin, target_path)
 
-    def _find_target(self, folder: Place, camera_file: CameraFile) -> tuple[Target, str]:
+    def _find_target(self, folder: Place, camera_file: CameraFile) -> tuple[Target, str, Path | None]:
         if self.radius_mm is not None:
-            return _circle(self.radius_mm), "--radius-mm"
+            return _circle(self.radius_mm), "--radius-mm", None
         path = self.target_file or _beside(folder, "target")
         if path is not None:
-            return read_target(path), str(path)
+            return read_target(path), str(path), path
         if camera_file.target is not None:
             origin = f"{camera_file.path}: target"
-            return target_from_mapping(camera_file.target, origin), origin
+            return target_from_mapping(camera_file.target, origin), origin, None
         raise UsageError(_no_target(folder, camera_file.path))
 
 

@@ -42,7 +42,10 @@ def _options(
 
 @study.command()
 def table1(
-    output_format: options.Format = None, output: options.Output = None, verbose: options.Verbose = False
+    output_format: options.Format = None,
+    output: options.Output = None,
+    overwrite: options.Overwrite = False,
+    verbose: options.Verbose = False,
 ) -> None:
     """Table I of Chen & Huang 1999.
 
@@ -55,7 +58,7 @@ def table1(
     from circlepose_cli.study_output import write_sheet  # noqa: PLC0415
     from circlepose_cli.study_sheets import table1_sheet  # noqa: PLC0415
 
-    write_sheet(table1_sheet(table1_rows()), output_format, output)
+    write_sheet(table1_sheet(table1_rows()), output_format, output, overwrite=overwrite)
 
 
 @study.command()
@@ -68,6 +71,7 @@ def noise(
     ] = None,
     output_format: options.Format = None,
     output: options.Output = None,
+    overwrite: options.Overwrite = False,
     verbose: options.Verbose = False,
 ) -> None:
     """Noise experiment of Chen & Huang 1999.
@@ -89,13 +93,16 @@ def noise(
     if plot is not None:
         from circlepose.studies.plot import plot_noise  # noqa: PLC0415
 
-        plot_noise(rows, plot)
-    write_sheet(noise_sheet(rows, repeats, seed), output_format, output)
+        plot_noise(rows, plot, overwrite=overwrite)
+    write_sheet(noise_sheet(rows, repeats, seed), output_format, output, overwrite=overwrite)
 
 
 @study.command()
 def table2(
-    output_format: options.Format = None, output: options.Output = None, verbose: options.Verbose = False
+    output_format: options.Format = None,
+    output: options.Output = None,
+    overwrite: options.Overwrite = False,
+    verbose: options.Verbose = False,
 ) -> None:
     """Tables 1 and 2 of Fu & Zhou 2019.
 
@@ -107,7 +114,7 @@ def table2(
     from circlepose_cli.study_output import write_sheet  # noqa: PLC0415
     from circlepose_cli.study_sheets import table2_sheet  # noqa: PLC0415
 
-    write_sheet(table2_sheet(table2_rows()), output_format, output)
+    write_sheet(table2_sheet(table2_rows()), output_format, output, overwrite=overwrite)
 
 
 def _followed(repeats: int, seed: int) -> Iterator[NoiseRow]:

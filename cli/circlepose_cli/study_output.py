@@ -7,7 +7,7 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 from textwrap import fill, wrap
-from typing import TextIO, TypeAlias
+from typing import IO, TypeAlias
 
 from rich import box
 from rich.console import Console
@@ -17,9 +17,9 @@ from rich.text import Text
 from circlepose import __version__
 from circlepose.files import records, tables
 from circlepose.studies.published import Triple
-from circlepose_cli.destination import open_output
+from circlepose_cli.destination import open_output, output_place
 from circlepose_cli.options import FormatChoice
-from circlepose_cli.output import choose_format
+from circlepose_cli.output import DELIMITERS, choose_format
 
 Cell: TypeAlias = str | float | Triple | None
 _PIPE_WIDTH = 200
@@ -39,23 +39,25 @@ class Sheet:
     notes: tuple[str, ...]
 
 
-def write_sheet(sheet: Sheet, asked: FormatChoice | None, path: Path | None) -> None:
+def write_sheet(sheet: Sheet, asked: FormatChoice | None, path: Path | None, *, overwrite: bool = False) -> None:
     """Write `sheet` to standard output or to the file at `path`, in the form asked for or that fits the place."""
-    form = choose_format(asked, path, to_terminal=path is None and sys.stdout.isatty())
-    with open_output(path, None) as handle:
+    output = output_place(path)
+    to_terminal = output is None and sys.stdout.isatty()
+    form = choose_format(asked, output, to_terminal=to_terminal, of_estimate=False)
+    with open_output(output, overwrite=overwrite) as handle:
         if form is FormatChoice.TABLE:
             _write_table(sheet, handle)
-        elif form is FormatChoice.CSV:
-            _write_csv(sheet, handle)
+        elif form in DELIMITERS:
+            _write_csv(sheet, handle, DELIMITERS[form])
         else:
             _write_json(sheet, handle, lines=form is FormatChoice.JSONL)
-    if form in (FormatChoice.CSV, FormatChoice.JSONL):
+    if form in {*DELIMITERS, FormatChoice.JSONL}:
         # Rows alone would not say what their numbers are.
         for note in sheet.notes:
             print(note, file=sys.stderr)
 
 
-def _write_table(sheet: Sheet, handle: TextIO) -> None:
+def _write_table(sheet: Sheet, handle: IO[str]) -> None:
     console = Console(file=handle, width=None if handle.isatty() else _PIPE_WIDTH, highlight=False)
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
     for header in sheet.decimals:
@@ -71,13 +73,13 @@ def _write_table(sheet: Sheet, handle: TextIO) -> None:
         handle.write(fill(note, min(console.width, _NOTE_WIDTH), break_on_hyphens=False) + "\n")
 
 
-def _write_csv(sheet: Sheet, handle: TextIO) -> None:
-    writer = csv.writer(handle, lineterminator="\n")
+def _write_csv(sheet: Sheet, handle: IO[str], delimiter: str) -> None:
+    writer = csv.writer(handle, lineterminator="\n", delimiter=delimiter)
     writer.writerow(sheet.decimals)
     writer.writerows(_printed(sheet, row) for row in sheet.rows)
 
 
-def _write_json(sheet: Sheet, handle: TextIO, *, lines: bool) -> None:
+def _write_json(sheet: Sheet, handle: IO[str], *, lines: bool) -> None:
     schema = f"circlepose.study.{sheet.name}/1"
     rows: list[dict[str, object]] = [
         {
