@@ -11,6 +11,7 @@ import errno
 import io
 import os
 import secrets
+import shutil
 import stat
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
@@ -88,7 +89,7 @@ def _written(path: str | os.PathLike[str], binary: bool, overwrite: bool) -> Ite
     place = Path(os.path.realpath(path))
     temporary = place.with_name(f"{_stem_of_temporaries(place)}{secrets.token_hex(8)}.part")
     try:
-        with _removed_at_end(temporary):
+        with _unlinked_at_end(temporary):
             with _created(temporary, name) as raw:
                 _keep_mode(raw, place)
                 with _layered(raw, binary) as handle:
@@ -105,10 +106,22 @@ def _written(path: str | os.PathLike[str], binary: bool, overwrite: bool) -> Ite
 
 
 def remove_unfinished() -> None:
-    """Remove the files that are being written: the process ends at once."""
+    """Remove the files that are being written, and folders of temporary files: the process ends at once."""
     for temporary in list(_unfinished):
         with suppress(OSError):
             os.unlink(temporary)  # noqa: PTH108 - one call of the system by its name
+            continue
+        shutil.rmtree(temporary, ignore_errors=True)
+
+
+@contextmanager
+def removed_at_end(temporary: Path) -> Iterator[None]:
+    """Have `remove_unfinished` remove a file or folder, meanwhile, that the caller removes otherwise."""
+    _unfinished.add(temporary)
+    try:
+        yield
+    finally:
+        _unfinished.discard(temporary)
 
 
 def remove_left_behind(path: str | os.PathLike[str]) -> None:
@@ -131,14 +144,13 @@ def _stem_of_temporaries(place: Path) -> str:
 
 
 @contextmanager
-def _removed_at_end(temporary: Path) -> Iterator[None]:
-    _unfinished.add(temporary)
-    try:
-        yield
-    finally:
-        with suppress(FileNotFoundError):
-            os.unlink(temporary)  # noqa: PTH108 - one call of the system by its name
-        _unfinished.discard(temporary)
+def _unlinked_at_end(temporary: Path) -> Iterator[None]:
+    with removed_at_end(temporary):
+        try:
+            yield
+        finally:
+            with suppress(FileNotFoundError):
+                os.unlink(temporary)  # noqa: PTH108 - one call of the system by its name
 
 
 @contextmanager

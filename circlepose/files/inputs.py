@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import os
 import re
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
+from typing import TypeAlias
 
 from circlepose.errors import UsageError
 from circlepose.files.globs import is_pattern, matches, refused_folder
@@ -16,6 +18,7 @@ from circlepose.files.marks import is_drawn_file
 from circlepose.files.names import redacted
 from circlepose.files.remote import Place, RemoteFile, is_url, place_of, require
 from circlepose.files.remote_listing import images_at, is_listing
+from circlepose.files.unread_kinds import skipped_line, suffix_of_unread
 
 STDIN = "-"
 
@@ -43,8 +46,15 @@ class InputImage:
         return Path(self._place) if isinstance(self._place, str) else self._place
 
 
+Stdin: TypeAlias = Iterable[str] | Iterable[bytes] | Iterable[bytes | InputImage]
+"""paths, one each, or one image that came itself"""
+
+
 def expand_inputs(
-    inputs: Sequence[str], stdin: Iterable[str] | Iterable[bytes] | None = None, recursive: bool = False
+    inputs: Sequence[str],
+    stdin: Stdin | None = None,
+    recursive: bool = False,
+    skipped: Counter[str] | None = None,
 ) -> Iterator[InputImage]:
     """Return the images that `inputs` stand for: in the order typed, folders and globs in natural order, each once.
 
@@ -57,6 +67,8 @@ def expand_inputs(
       endless.
     - Anything else is a file or an object; if it is missing, that is told when it is read, as the status of its row.
 
+    Photographs and films in folders and globs, of kinds that are not read, are counted in `skipped` by their ending.
+
     A name is the path as typed, so that it leads back to the image; with a single folder as the only input it
     is the path below that folder. Raises `UsageError`, before the first image, for an input without any image.
     """
@@ -64,7 +76,8 @@ def expand_inputs(
         raise UsageError("no image was given; give image files, a folder, a glob or - for paths on standard input.")
     if STDIN in inputs and stdin is None:
         raise UsageError("-: there is no standard input to read paths from.")
-    parts = [_expanded(each, recursive, stdin or (), is_lone=len(inputs) == 1) for each in inputs]
+    skipped = Counter() if skipped is None else skipped
+    parts = [_expanded(each, recursive, stdin or (), skipped, is_lone=len(inputs) == 1) for each in inputs]
     return _each_once(parts)
 
 
@@ -100,23 +113,26 @@ def _each_once(parts: Iterable[Iterable[InputImage]]) -> Iterator[InputImage]:
 
 
 def _expanded(
-    typed: str, recursive: bool, stdin: Iterable[str] | Iterable[bytes], *, is_lone: bool
+    typed: str, recursive: bool, stdin: Stdin, skipped: Counter[str], *, is_lone: bool
 ) -> Iterable[InputImage]:
     """Return the images of one input; those of folders and globs of this machine are found at once."""
     if typed == STDIN:
         return _from_stdin(stdin)
     if is_url(typed):
-        return _from_url(typed, recursive, is_lone)
+        return _from_url(typed, recursive, skipped, is_lone)
     base = typed if is_lone and _is_folder(typed) else None
     return [
         InputImage(path, path if base is None else path[len(base) :].lstrip(os.sep).replace(os.sep, "/"))
-        for path in _paths(typed, recursive)
+        for path in _paths(typed, recursive, skipped)
     ]
 
 
-def _from_stdin(lines: Iterable[str] | Iterable[bytes]) -> Iterator[InputImage]:
+def _from_stdin(lines: Stdin) -> Iterator[InputImage]:
     empty = True
     for line in lines:
+        if isinstance(line, InputImage):
+            yield line
+            return
         path = os.fsdecode(line).rstrip("\r\n")
         if path:
             empty = False
@@ -125,10 +141,10 @@ def _from_stdin(lines: Iterable[str] | Iterable[bytes]) -> Iterator[InputImage]:
         raise UsageError("-: no path came on standard input; expected one a line.")
 
 
-def _from_url(typed: str, recursive: bool, is_lone: bool) -> Iterable[InputImage]:
+def _from_url(typed: str, recursive: bool, skipped: Counter[str], is_lone: bool) -> Iterable[InputImage]:
     place = place_of(typed)
     if isinstance(place, Path):
-        return [InputImage(path, path) for path in _paths(str(place), recursive)]
+        return [InputImage(path, path) for path in _paths(str(place), recursive, skipped)]
     require(typed)
     if not is_listing(typed):
         return [InputImage(place, str(place))]
@@ -136,14 +152,15 @@ def _from_url(typed: str, recursive: bool, is_lone: bool) -> Iterable[InputImage
     return (InputImage(file, path if below else str(file)) for file, path in images_at(typed, recursive))
 
 
-def _paths(typed: str, recursive: bool) -> list[str]:
+def _paths(typed: str, recursive: bool, skipped: Counter[str]) -> list[str]:
     if _is_folder(typed):
-        return _in_folder(typed, recursive)
+        return _in_folder(typed, recursive, skipped)
     if not is_pattern(typed) or os.path.lexists(typed):
         return [typed]
     found = sorted(set(matches(*_split_at_pattern(typed))), key=natural_key)
     images = [each for each in found if is_image_name(each) and not _is_folder(each) and not is_drawn_file(each)]
     if images:
+        _count_unread(found, skipped)
         return images
     what = f"matches no image, only {_some(found)}" if found else "matches no file"
     raise UsageError(f"{typed}: {what}; check the pattern.")
@@ -158,16 +175,22 @@ def _split_at_pattern(typed: str) -> tuple[str, Sequence[str]]:
     return (str(Path(*parts[:count])) if count else ""), parts[count:]
 
 
-def _in_folder(typed: str, recursive: bool) -> list[str]:
+def _count_unread(paths: Iterable[str], skipped: Counter[str]) -> None:
+    skipped.update(suffix for suffix in map(suffix_of_unread, paths) if suffix is not None)
+
+
+def _in_folder(typed: str, recursive: bool, skipped: Counter[str]) -> list[str]:
     images, others, folders = _listed(typed, recursive)
     if images:
+        _count_unread(others, skipped)
         return images
     if not recursive and any(_has_image_below(folder) for folder in folders[:_LOOKED_INTO]):
         raise UsageError(f"{typed}: holds no image itself, but folders in it do; add --recursive.")
     if others:
-        raise UsageError(
-            f"{typed}: holds no image, only {_some(others)}; images end in .png, .jpg, .tif and the like."
-        )
+        unread: Counter[str] = Counter()
+        _count_unread(others, unread)
+        how = skipped_line(unread).partition("; ")[2] if unread else "images end in .png, .jpg, .tif and the like"
+        raise UsageError(f"{typed}: holds no image, only {_some(others)}; {how}.")
     raise UsageError(f"{typed}: is an empty folder; expected images in it.")
 
 

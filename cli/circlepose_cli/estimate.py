@@ -5,13 +5,15 @@ from __future__ import annotations
 import typer
 
 from circlepose_cli import debugging, options
-from circlepose_cli.options import ExtractionChoice, LayoutChoice, MethodChoice
+from circlepose_cli.options import ExtractionChoice, LayoutChoice, MethodChoice, StdinChoice
 from circlepose_cli.overrides import target_overrides
 from circlepose_cli.threads import one_thread
 
 
 def estimate(
     inputs: options.Inputs,
+    stdin: options.Stdin = StdinChoice.AUTO,
+    nul: options.Nul = False,
     calib: options.Calib = None,
     camera_name: options.CameraName = None,
     target: options.TargetFile = None,
@@ -79,6 +81,8 @@ def estimate(
         run(
             Request(
                 inputs=tuple(inputs),
+                stdin=stdin,
+                nul=nul,
                 recursive=recursive,
                 calib=calib,
                 camera_name=camera_name,

@@ -60,6 +60,14 @@ class LayoutChoice(StrEnum):
     TABLE2 = "table2"
 
 
+class StdinChoice(StrEnum):
+    """What comes on standard input."""
+
+    AUTO = "auto"
+    PATHS = "paths"
+    IMAGE = "image"
+
+
 class SideChoice(StrEnum):
     """Sides that a surface can face; `circlepose.target_hints.SIDES`."""
 
@@ -110,10 +118,15 @@ Inputs = Annotated[
     list[str],
     typer.Argument(
         metavar="INPUT...",
-        help="Images, folders, globs, URLs of these, or - for paths and URLs on standard input, one a line.",
+        help="Images, folders, globs, URLs of these, or - for standard input (paths, one a line, or one image).",
         show_default=False,
     ),
 ]
+Stdin = Annotated[
+    StdinChoice,
+    typer.Option("--stdin", help="What - stands for: paths, or one image. Default: by its first bytes."),
+]
+Nul = Annotated[bool, typer.Option("-0", "--null", help="Paths on standard input end with NUL, as of find -print0.")]
 Calib = Annotated[
     Path | None,
     typer.Option(

@@ -43,7 +43,7 @@ class OverlayNames:
         stems = Counter(_parts(image.name)[-1] for image in known)
         self._shared = {stem for stem, times in stems.items() if times > 1}
         self._used: set[str] = set()
-        if not overwrite and any(os.scandir(folder)):
+        if not overwrite and any(folder.iterdir()):
             # A rehearsal: what may not be replaced is to be known before anything is measured.
             for image in known:
                 self.path_for(image)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections import Counter
 from collections.abc import Generator, Iterable, Iterator
 from contextlib import closing, nullcontext, suppress
 from dataclasses import dataclass
@@ -17,12 +18,20 @@ from circlepose.files.inputs import STDIN, InputImage, are_streamed, expand_inpu
 from circlepose.files.read_files import Outputs
 from circlepose.files.reference import Reference, read_reference
 from circlepose.files.remote import Place
+from circlepose.files.unread_kinds import skipped_line
 from circlepose.pose import ImageResult
 from circlepose_cli.destination import Unfinished, open_journal, open_output, output_place
 from circlepose_cli.interruption import EXIT_CODE as INTERRUPTED
 from circlepose_cli.interruption import Interruption
-from circlepose_cli.lines import lines
-from circlepose_cli.options import ExtractionChoice, FormatChoice, LayoutChoice, MethodChoice, TargetOverrides
+from circlepose_cli.lines import standard_input
+from circlepose_cli.options import (
+    ExtractionChoice,
+    FormatChoice,
+    LayoutChoice,
+    MethodChoice,
+    StdinChoice,
+    TargetOverrides,
+)
 from circlepose_cli.output import choose_format, write_output
 from circlepose_cli.overlay_names import OverlayNames
 from circlepose_cli.progress import Reporter, follow
@@ -37,6 +46,8 @@ class Request:
     """What the command line asks for."""
 
     inputs: tuple[str, ...]
+    stdin: StdinChoice
+    nul: bool
     recursive: bool
     calib: Path | None
     camera_name: str | None
@@ -82,7 +93,8 @@ def run(request: Request) -> int:
     reference = _reference(request)
     outputs.refuse(request.reference, "the reference")
     outputs.refuse(0 if STDIN in request.inputs else None, "the list of images")
-    images, total = _images(request, setups, outputs)
+    skipped: Counter[str] = Counter()
+    images, total = _images(request, setups, outputs, skipped)
     if reference is not None and total is not None:
         _check_reference(reference, request, images)
     overlays = (
@@ -114,6 +126,8 @@ def run(request: Request) -> int:
         is_done = not (interruption.received or reporter.lost)
         if journal is not None and is_done:
             journal.remove()
+    if skipped:
+        reporter.note(skipped_line(skipped))
     reporter.summary(total, interrupted=interruption.received, resumable=journal is not None and not is_done)
     if interruption.received:
         return INTERRUPTED
@@ -141,10 +155,12 @@ def _measured(
     return measure(items) if journal is None else measure_with_journal(items, journal, measure, reporter.note)
 
 
-def _images(request: Request, setups: Setups, outputs: Outputs) -> tuple[Iterable[InputImage], int | None]:
+def _images(
+    request: Request, setups: Setups, outputs: Outputs, skipped: Counter[str]
+) -> tuple[Iterable[InputImage], int | None]:
     """Return the images and, unless they come as a stream, their number, once all have a setup."""
-    stdin = lines(sys.stdin.buffer) if sys.stdin else None
-    images = _guarded(expand_inputs(request.inputs, stdin, request.recursive), outputs)
+    stdin = standard_input(sys.stdin.buffer, request.stdin, nul=request.nul) if sys.stdin else None
+    images = _guarded(expand_inputs(request.inputs, stdin, request.recursive, skipped), outputs)
     if are_streamed(request.inputs):
         return images, None
     known = list(images)
