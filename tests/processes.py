@@ -9,6 +9,8 @@ import sys
 
 import pytest
 
+SETTLE = "either pose may be the right one; give --facing, --normal or --up, or a target of two circles"
+"""what is said where lone circles are ambiguous"""
 COMMAND = [sys.executable, "-m", "circlepose"]
 
 

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from discs import disc_folder
-from processes import COMMAND, environment, run
+from processes import COMMAND, SETTLE, environment, run
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +48,7 @@ def test_a_pipe_gets_csv_and_nothing_else(folder):
     assert done.returncode == 0
     assert done.stdout.startswith("image,instance,circle,")
     assert "\x1b" not in done.stdout + done.stderr
-    assert done.stderr == "2 measured, 0 failed\n"
+    assert done.stderr == f"2 measured, 0 failed, 2 ambiguous: {SETTLE}\n"
 
 
 def test_paths_on_standard_input(folder):
@@ -102,7 +102,7 @@ def test_an_interrupted_run_keeps_its_rows_and_counts_the_rest(folder, number):
         out, err = process.communicate(timeout=60)
     assert process.returncode == 130
     assert [image["image"] for image in json.loads(out)["images"]] == ["disc0.png"]
-    assert err == "1 measured, 0 failed, interrupted: 1 not done\n"
+    assert err == f"1 measured, 0 failed, interrupted: 1 not done, 1 ambiguous: {SETTLE}\n"
 
 
 @contextmanager
@@ -133,7 +133,7 @@ def test_a_row_leaves_though_the_producer_is_silent_and_ctrl_c_ends_the_wait(fol
         os.killpg(process.pid, signal.SIGINT)
         out, err = process.communicate(timeout=60)
     assert (process.returncode, out) == (130, "")
-    assert err == "2 measured, 0 failed, interrupted: the rest not done\n"
+    assert err == f"2 measured, 0 failed, interrupted: the rest not done, 2 ambiguous: {SETTLE}\n"
 
 
 def test_a_stream_whose_reader_goes_away_ends_at_the_next_row(folder):
@@ -170,7 +170,10 @@ def test_a_run_that_was_killed_and_resumed_writes_what_an_undisturbed_one_does(t
             time.sleep(0.01)
         os.kill(int(workers_of(process)[-1]), signal.SIGKILL)
         _, err = process.communicate(timeout=60)
-    assert (process.returncode, err.splitlines()[-1]) == (3, "7 measured, 1 failed (not_an_image 1)")
+    assert (process.returncode, err.splitlines()[-1]) == (
+        3,
+        f"7 measured, 1 failed (not_an_image 1), 7 ambiguous: {SETTLE}",
+    )
     assert out.read_bytes() == whole.read_bytes()
     assert {path.name for path in tmp_path.iterdir()} == {"imgs", "out.csv", "whole.csv"}
 
@@ -189,13 +192,14 @@ def test_an_image_that_takes_too_long_is_a_row(folder, tmp_path):
 def test_a_disk_that_fills_up_leaves_the_output_as_it_was_and_what_is_finished(folder, tmp_path):
     resource = pytest.importorskip("resource")
     out, journal = tmp_path / "out.csv", tmp_path / "out.csv.journal"
-    out.write_text("before")
+    assert run("estimate", folder / "disc0.png", "-o", out).returncode == 0
+    before = out.read_bytes()
     limit = lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (2500, 2500))  # noqa: E731
     done = run("estimate", folder, "-o", out, preexec_fn=limit)
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.startswith(f"circlepose: {journal}: cannot be written (File too large); it keeps")
     assert done.stderr.count("\n") == 1
-    assert out.read_text() == "before"
+    assert out.read_bytes() == before
     assert run("estimate", folder, "-o", out, "--resume").returncode == 0
     assert out.read_text().count("\ndisc") == 4
     assert not journal.exists()

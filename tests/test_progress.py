@@ -3,14 +3,19 @@ from __future__ import annotations
 import io
 import os
 import threading
+from contextlib import ExitStack
+from dataclasses import replace
 
 import pytest
 
-from circlepose.pose import ImageResult, Status
-from circlepose_cli.lines import lines
+from circlepose.extraction.contour import Rejection
+from circlepose.pose import Flag, ImageResult, Status
+from circlepose_cli.lines import standard_input
+from circlepose_cli.options import StdinChoice
 from circlepose_cli.pace import Pace, duration
 from circlepose_cli.progress import Reporter
-from discs import made_result
+from discs import made_circle, made_result
+from processes import SETTLE
 
 
 class Clock:
@@ -77,7 +82,7 @@ def test_durations(seconds, text):
 def test_lines_come_as_soon_as_they_are_there():
     read, write = os.pipe()
     with open(read, "rb") as stream, open(write, "wb", buffering=0) as producer:  # noqa: PTH123
-        got = lines(stream)
+        got = standard_input(stream, StdinChoice.PATHS, ExitStack(), nul=False)
         producer.write(b"a.png\nb.p")
         assert next(got) == b"a.png"
         finish = threading.Timer(0.05, lambda: (producer.write(b"ng\r\n\nlast"), producer.close()))
@@ -87,4 +92,25 @@ def test_lines_come_as_soon_as_they_are_there():
 
 
 def test_lines_of_what_is_no_real_file():
-    assert list(lines(io.BytesIO(b"a\nb"))) == [b"a\n", b"b"]
+    assert list(standard_input(io.BytesIO(b"a\nb"), StdinChoice.AUTO, ExitStack(), nul=False)) == [b"a", b"b"]
+    assert list(standard_input(io.BytesIO(b"a\nb\0c"), StdinChoice.AUTO, ExitStack(), nul=True)) == [b"a\nb", b"c"]
+
+
+def counted(reporter, **options):
+    ambiguous = made_result(replace(made_circle(), flags=(Flag.AMBIGUOUS,)))
+    reporter.count(replace(ambiguous, rejected={str(Rejection.BEYOND_COUNT): 11}))
+    reporter.count(made_result())
+    reporter.summary(2, interrupted=False, resumable=False, **options)
+
+
+def test_the_closing_lines_name_what_to_type_next(capsys):
+    counted(Reporter(quiet=False, verbose=False))
+    assert capsys.readouterr().err.splitlines() == [
+        "11 more circles like these: --count all",
+        f"2 measured, 0 failed, 1 ambiguous: {SETTLE}",
+    ]
+
+
+def test_who_gave_a_count_is_not_asked_for_another(capsys):
+    counted(Reporter(quiet=False, verbose=False), counted=True)
+    assert "--count" not in capsys.readouterr().err

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import tempfile
 from collections.abc import Iterator
+from contextlib import ExitStack
 from itertools import chain
 from pathlib import Path
 from typing import BinaryIO
@@ -22,11 +23,14 @@ _BLOCK = 65536
 _LONGEST = 1 << 20
 
 
-def standard_input(stream: BinaryIO, choice: StdinChoice, *, nul: bool) -> Iterator[bytes | InputImage]:
+def standard_input(
+    stream: BinaryIO, choice: StdinChoice, held: ExitStack, *, nul: bool, has_camera: bool = True
+) -> Iterator[bytes | InputImage]:
     """Yield the lines of `stream` without their ends, each as soon as it is there, or else the one image that it is.
 
-    With `nul`, lines end with a NUL character. Raises `UsageError` for a line without end and for an image that is
-    too large.
+    The image is kept in a temporary folder until `held` is closed. With `nul`, lines end with a NUL character.
+    Raises `UsageError` for a line without end, and for an image that is too large or for which no calibration is
+    given.
     """
     blocks = _blocks(stream)
     begin = next(blocks, b"")
@@ -40,10 +44,12 @@ def standard_input(stream: BinaryIO, choice: StdinChoice, *, nul: bool) -> Itera
     if not is_image:
         yield from _lines(chain([begin], blocks), b"\0" if nul else b"\n")
         return
-    with tempfile.TemporaryDirectory(prefix="circlepose-") as folder, removed_at_end(Path(folder)):
-        path = Path(folder) / NAME
-        _store(chain([begin], blocks), path)
-        yield InputImage(path, NAME)
+    if not has_camera:
+        raise UsageError("-: an image on standard input has no calibration beside it; give --calib FILE.")
+    folder = Path(held.enter_context(tempfile.TemporaryDirectory(prefix="circlepose-")))
+    held.enter_context(removed_at_end(folder))
+    _store(chain([begin], blocks), folder / NAME)
+    yield InputImage(folder / NAME, NAME)
 
 
 def _blocks(stream: BinaryIO) -> Iterator[bytes]:

@@ -11,8 +11,9 @@ from contextlib import AbstractContextManager, closing, contextmanager
 from typing import TYPE_CHECKING
 
 from circlepose.batch.resume import LOST
+from circlepose.extraction.contour import Rejection
 from circlepose.files.names import printable, redacted
-from circlepose.pose import ImageResult, Status
+from circlepose.pose import Flag, ImageResult, Status
 from circlepose_cli import debugging
 from circlepose_cli.interruption import Interruption
 from circlepose_cli.pace import Pace, duration
@@ -29,6 +30,9 @@ class Reporter:
     def __init__(self, *, quiet: bool, verbose: bool, clock: Callable[[], float] = time.monotonic) -> None:
         self.measured = 0
         self.bugs = 0
+        self._ambiguous = 0
+        self._with_several = 0
+        self._not_measured = 0
         self.failures: Counter[str] = Counter()
         self._quiet = quiet
         self._verbose = verbose
@@ -63,6 +67,10 @@ class Reporter:
         status, reason = _outcome(result)
         if status is Status.OK:
             self.measured += 1
+            is_ambiguous = any(Flag.AMBIGUOUS in circle.flags for circle in result.circles)
+            self._ambiguous += is_ambiguous
+            self._with_several += is_ambiguous and len({circle.instance for circle in result.circles}) > 2
+            self._not_measured += result.rejected.get(str(Rejection.BEYOND_COUNT), 0)
         else:
             self.failures[status] += 1
             self.note(f"{result.image}: {reason or status}")
@@ -116,13 +124,26 @@ class Reporter:
         if self._verbose:
             self.note(message)
 
-    def summary(self, total: int | None, *, interrupted: bool, resumable: bool) -> None:
-        """Say what became of all images, and of a run that is not at its end how to go on."""
+    def _how_to_settle(self) -> str:
+        ways = ["--facing, --normal or --up", "a target of two circles"]
+        if self._with_several:
+            ways.insert(0, "--coplanar if the circles lie in one plane")
+        return f"either pose may be the right one; give {', or '.join(ways)}"
+
+    def summary(self, total: int | None, *, interrupted: bool, resumable: bool, counted: bool = False) -> None:
+        """Say what became of all images, and what to type next.
+
+        `counted` is whether the user said how many circles are to be measured.
+        """
         failed = self.failures.total()
         parts = [f"{self.measured} measured", f"{failed} failed ({self._kinds()})" if failed else "0 failed"]
         if interrupted:
             rest = "the rest" if total is None else str(total - self.measured - failed)
             parts.append(f"interrupted: {rest} not done")
+        if self._ambiguous:
+            parts.append(f"{self._ambiguous} ambiguous: {self._how_to_settle()}")
+        if self._not_measured and not counted:
+            self.note(f"{self._not_measured} more circles like these: --count all")
         self.note(", ".join(parts))
         if resumable:
             self.note("the same command with --resume does only what is left")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections import Counter
 from collections.abc import Generator, Iterable, Iterator
-from contextlib import closing, nullcontext, suppress
+from contextlib import ExitStack, closing, nullcontext, suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -74,6 +74,11 @@ class Request:
 
 def run(request: Request) -> int:
     """Measure all images that are asked for and return the exit code."""
+    with ExitStack() as held:
+        return _run(request, held)
+
+
+def _run(request: Request, held: ExitStack) -> int:
     if request.cluster is not None and request.jobs is not None:
         raise UsageError("--jobs, --cluster: give one of them; how many measure is the cluster's affair.")
     output = output_place(request.output)
@@ -94,7 +99,7 @@ def run(request: Request) -> int:
     outputs.refuse(request.reference, "the reference")
     outputs.refuse(0 if STDIN in request.inputs else None, "the list of images")
     skipped: Counter[str] = Counter()
-    images, total = _images(request, setups, outputs, skipped)
+    images, total = _images(request, setups, outputs, skipped, held)
     if reference is not None and total is not None:
         _check_reference(reference, request, images)
     overlays = (
@@ -128,7 +133,12 @@ def run(request: Request) -> int:
             journal.remove()
     if skipped:
         reporter.note(skipped_line(skipped))
-    reporter.summary(total, interrupted=interruption.received, resumable=journal is not None and not is_done)
+    reporter.summary(
+        total,
+        interrupted=interruption.received,
+        resumable=journal is not None and not is_done,
+        counted=request.overrides.count is not None,
+    )
     if interruption.received:
         return INTERRUPTED
     if reporter.bugs:
@@ -156,10 +166,14 @@ def _measured(
 
 
 def _images(
-    request: Request, setups: Setups, outputs: Outputs, skipped: Counter[str]
+    request: Request, setups: Setups, outputs: Outputs, skipped: Counter[str], held: ExitStack
 ) -> tuple[Iterable[InputImage], int | None]:
     """Return the images and, unless they come as a stream, their number, once all have a setup."""
-    stdin = standard_input(sys.stdin.buffer, request.stdin, nul=request.nul) if sys.stdin else None
+    stdin = (
+        standard_input(sys.stdin.buffer, request.stdin, held, nul=request.nul, has_camera=request.calib is not None)
+        if sys.stdin
+        else None
+    )
     images = _guarded(expand_inputs(request.inputs, stdin, request.recursive, skipped), outputs)
     if are_streamed(request.inputs):
         return images, None
