@@ -11,7 +11,12 @@ from scipy.optimize import brentq
 from cases import circle_case
 from circlepose.cone import factor_from_circle, principal_frame
 from circlepose.disambiguation.generatrix import axis_misalignment, generatrix_ends, pair_candidates
-from circlepose.disambiguation.mirror_view import equal_length_tilt, mirror_tilt, mirror_view
+from circlepose.disambiguation.mirror_view import (
+    equal_length_tilt,
+    farthest_mirror_distance,
+    mirror_tilt,
+    mirror_view,
+)
 from circlepose.errors import ArgumentError
 from circlepose.solvers.chen_huang import poses_from_frame
 
@@ -155,6 +160,23 @@ def test_a_circle_with_one_candidate_is_the_partner_of_both():
     (_, big), (_, small) = pairs(8.0, 0.6, 0.9, 20.0)
     assert pair_candidates(big, small[1:]).tolist() == [0, 0]
     assert pair_candidates(big[1:], small).tolist() == [1]
+
+
+@given(st.floats(0.1, 0.99), st.floats(0.01, 0.99))
+def test_the_farthest_distance_is_that_at_which_the_view_is_frontal(share, part):
+    depth = part * np.sqrt(1.0 - share**2)
+    farthest = farthest_mirror_distance(RADIUS, share * RADIUS, depth * RADIUS)
+    assert farthest > RADIUS
+    assert mirror_tilt(RADIUS, share * RADIUS, -depth * RADIUS, farthest * (1.0 - 1e-9)) < 1e-2
+    assert np.isnan(mirror_tilt(RADIUS, share * RADIUS, -depth * RADIUS, farthest * (1.0 + 1e-9)))
+    distances = np.linspace(1.001 * RADIUS, 0.999 * farthest, 9)
+    if distances[0] < distances[-1]:
+        assert (np.diff(mirror_tilt(RADIUS, share * RADIUS, -depth * RADIUS, distances)) < 0.0).all()
+
+
+@pytest.mark.parametrize("depth", [0.0, 34.0, 42.65])
+def test_flat_and_deep_targets_have_no_such_distance(depth):
+    assert farthest_mirror_distance(45.0, 30.0, depth) is None
 
 
 def test_a_view_beside_the_one_in_which_both_pairs_fit():

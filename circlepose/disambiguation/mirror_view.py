@@ -20,6 +20,7 @@ circle's center; distances are those of that center. Pure NumPy; all arguments b
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -61,6 +62,19 @@ def mirror_tilt(
     with np.errstate(divide="ignore", invalid="ignore"):
         cosine = high * (far**2 - big**2) / (far * (high**2 - big**2 + small**2))
     return _tilt(cosine, big, high, far)
+
+
+def farthest_mirror_distance(radius_big: float, radius_small: float, depth: float) -> float | None:
+    """Return the largest distance from which a recess of this `depth` has a `mirror_tilt`; there it is 0.
+
+    None for a recess that has none: one deeper than sqrt(R^2 - r^2), or of no depth, which has it at edge-on from any
+    distance. From nearer than that there is one, and it grows towards edge-on. Errors are those of `mirror_tilt`.
+    """
+    big, small, high, _ = (float(value) for value in _checked(radius_big, radius_small, depth, 1.0))
+    left = big**2 - small**2 - high**2
+    if high <= 0.0 or left <= 0.0:
+        return None
+    return (left + math.hypot(left, 2.0 * high * big)) / (2.0 * high)
 
 
 def equal_length_tilt(
