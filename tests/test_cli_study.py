@@ -234,7 +234,9 @@ def test_gcc_in_the_page_has_the_columns_and_the_printed_rows(papers):
     rows = rows_of(page)
     sheet = gcc_sheet(gcc_rows([*printed_points(), *POINTS]), 0)
     assert [row[:2] for row in rows[:2]] == [list(row[:2]) for row in sheet.rows[:2]]
-    assert {len(row) for row in rows} == {len(sheet.decimals)}
+    # A part is named in the first of its rows.
+    assert {len(row) for row in rows} == {len(sheet.decimals), len(sheet.decimals) - 1}
+    assert [row[0] for row in rows if len(row) == len(sheet.decimals)] == ["print, 2a", "print, 2b", "boss", "recess"]
     assert numbers(" ".join(rows[0])) == pytest.approx(sheet.rows[0][4:7])
     for note in sheet.notes:
         assert note in " ".join(line.strip() for line in page)
