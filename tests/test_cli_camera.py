@@ -96,3 +96,46 @@ def test_a_file_that_is_no_calibration_ends_with_2(capsys, tmp_path):
     (tmp_path / "x.yaml").write_text("a: 1\n")
     assert main(["camera", str(tmp_path / "x.yaml")]) == 2
     assert "x.yaml" in capsys.readouterr().err
+
+
+RECESS = "kind: coaxial\nradii_mm: [45, 30]\nheight_mm: 1\n"
+
+
+def described(capsys, tmp_path, target):
+    (tmp_path / "camera.yaml").write_text(CAMERA_YAML)
+    (tmp_path / "target.yaml").write_text(target)
+    code = main(["camera", str(tmp_path / "camera.yaml"), "--target", str(tmp_path / "target.yaml")])
+    return code, capsys.readouterr()
+
+
+def test_a_shallow_recess_is_warned_of_with_its_ambiguous_views(capsys, tmp_path):
+    code, shown = described(capsys, tmp_path, RECESS + "depth_range_mm: [714, 800]\n")
+    assert code == 0
+    (warning,) = (line for line in shown.out.splitlines() if line.startswith("warning"))
+    for words in ("recess 1 mm deep", "51 deg from 714 mm", "45 deg from 800 mm", "none beyond 1126 mm"):
+        assert words in warning
+    _, shown = described(capsys, tmp_path, RECESS)
+    assert "60 deg from 563 mm" in shown.out
+
+
+@pytest.mark.parametrize(
+    "target",
+    [
+        RECESS + "depth_range_mm: [1200, 1500]\n",
+        RECESS.replace("height_mm: 1", "generatrix_mm: 45.21"),
+        RECESS.replace("height_mm: 1\n", ""),
+        "kind: coplanar\nradii_mm: [45, 30]\n",
+        "radius_mm: 60\n",
+    ],
+)
+def test_targets_without_ambiguous_views_get_no_warning(capsys, tmp_path, target):
+    code, shown = described(capsys, tmp_path, target)
+    assert code == 0
+    assert "target           " in shown.out
+    assert "warning" not in shown.out
+
+
+def test_a_target_that_is_none_ends_with_2(capsys, tmp_path):
+    code, shown = described(capsys, tmp_path, "radius: 60\n")
+    assert code == 2
+    assert "target.yaml" in shown.err

@@ -12,14 +12,16 @@ import pytest
 import typer.main
 
 from circlepose.disambiguation import generatrix, vanishing_line
+from circlepose.studies import gcc as gcc_study
 from circlepose.studies import noise as noise_study
+from circlepose.studies.gcc import GccPoint, gcc_rows, printed_points
 from circlepose.studies.noise import noise_rows, printed_noise_rows, readings
 from circlepose.studies.published import TABLE1
 from circlepose.studies.table1 import table1_rows
 from circlepose.studies.table2 import table2_rows
 from circlepose_cli import study
 from circlepose_cli.app import main
-from circlepose_cli.study_sheets import noise_sheet, table1_sheet, table2_sheet
+from circlepose_cli.study_sheets import gcc_sheet, noise_sheet, table1_sheet, table2_sheet
 
 COMMANDS = typer.main.get_command(study.study).commands
 
@@ -34,11 +36,19 @@ def table1():
     return table1_rows()
 
 
+POINTS = [
+    GccPoint("boss", 10.0, 0.25, -4.0, chosen_right=True),
+    GccPoint("recess", 20.0, -0.125, 8.0, chosen_right=True),
+    GccPoint("boss", 40.0, None, None),
+]
+
+
 @pytest.fixture
 def run(capsys, monkeypatch):
     """Run a command line with one quick reading; returns exit code, standard output and standard error."""
     quick = readings()[:1]
     monkeypatch.setattr(noise_study, "readings", lambda: quick)
+    monkeypatch.setattr(gcc_study, "gcc_points", lambda scenes, seed: POINTS[: 2 * scenes])
 
     def run_it(*args):
         code = main(["study", *map(str, args)])
@@ -138,12 +148,36 @@ def test_a_plot(run, tmp_path):
     assert "standard deviation" in (tmp_path / "noise.svg").read_text() or (tmp_path / "noise.svg").stat().st_size > 0
 
 
+def test_the_gcc_study_in_every_form(run):
+    for output_format in ("csv", "json", "jsonl", "table"):
+        code, out, _ = run("gcc", "--format", output_format)
+        assert code == 0
+        assert "print, 2a" in out
+    code, out, err = run("gcc", "--scenes", 1, "--seed", 7)
+    rows = list(csv.DictReader(io.StringIO(out)))
+    assert [(row["Part"], row["Tilt (deg)"], row["Right pair, largest (mm)"]) for row in rows] == [
+        ("print, 2a", "14", "1.86"),
+        ("print, 2b", "27", "0.37"),
+        ("boss", "5 to 15", "0.25"),
+        ("recess", "15 to 30", "0.12"),
+    ]
+    assert "seed 7" in err
+    assert run("gcc", "--scenes", 0)[0] == 2
+
+
+def test_a_plot_of_gcc(run, tmp_path):
+    pytest.importorskip("matplotlib")
+    assert run("gcc", "--plot", tmp_path / "gcc.png")[0] == 0
+    assert (tmp_path / "gcc.png").stat().st_size > 1000
+
+
+@pytest.mark.parametrize("name", ["noise", "gcc"])
 @pytest.mark.parametrize(
     ("file", "message"), [("noise.png", "circlepose[report]"), ("noise.jpg", ".png, .svg, .pdf")]
 )
-def test_a_plot_that_cannot_be_made_is_told_before_anything_is_done(run, tmp_path, monkeypatch, file, message):
+def test_a_plot_that_cannot_be_made_is_told_before_anything_is_done(run, tmp_path, monkeypatch, name, file, message):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    code, out, err = run("noise", "--plot", tmp_path / file)
+    code, out, err = run(name, "--plot", tmp_path / file)
     assert (code, out) == (2, "")
     assert message in err
     assert len(err.splitlines()) == 1
@@ -195,6 +229,19 @@ def test_noise_in_the_page_has_the_readings_printed(papers):
         assert [float(each) for each in shown[-5:-3]] == pytest.approx([row[3], row[4]], rel=0.02, abs=0.006)
 
 
+def test_gcc_in_the_page_has_the_columns_and_the_printed_rows(papers):
+    page = documented(papers, "circlepose study gcc --format table")
+    rows = rows_of(page)
+    sheet = gcc_sheet(gcc_rows([*printed_points(), *POINTS]), 0)
+    assert [row[:2] for row in rows[:2]] == [list(row[:2]) for row in sheet.rows[:2]]
+    # A part is named in the first of its rows.
+    assert {len(row) for row in rows} == {len(sheet.decimals), len(sheet.decimals) - 1}
+    assert [row[0] for row in rows if len(row) == len(sheet.decimals)] == ["print, 2a", "print, 2b", "boss", "recess"]
+    assert numbers(" ".join(rows[0])) == pytest.approx(sheet.rows[0][4:7])
+    for note in sheet.notes:
+        assert note in " ".join(line.strip() for line in page)
+
+
 def test_table2_in_the_page_is_what_is_printed(papers):
     page = rows_of(documented(papers, "circlepose study table2 --format table"))
     sheet = table2_sheet(table2_rows(["2a"]))
@@ -203,7 +250,7 @@ def test_table2_in_the_page_is_what_is_printed(papers):
     shown = page[starts[4] : starts[5]]
     assert len(shown) == len(sheet.rows)
     for row, line in zip(sheet.rows, shown, strict=True):
-        expected = [*row[3], *row[4], *row[5:]]
+        expected = [number for cell in row[3:] for number in (cell if isinstance(cell, tuple) else (cell,))]
         given = numbers(" ".join(line))
         assert given == pytest.approx([value for value in expected if value is not None], abs=0.3)
 

@@ -19,12 +19,43 @@ from circlepose.fitting.residuals import edge_offsets, level_residuals
 from circlepose.overlay import draw_overlay
 from circlepose.plots import diverging, means
 from circlepose.pose import Flag, Status
+from circlepose.studies.scenes import coaxial_part_scene
+from circlepose.synthesis.render import render
 from circlepose.target import Target
 from circlepose_cli.app import main
 from circlepose_cli.explain_report import report_record, report_text
 from discs import CAMERA, CENTER_MM, NORMAL, RADIUS_MM, disc_folder, disc_image
 
 TARGET = Target.circle(RADIUS_MM)
+
+
+def explained_part(form, height_mm, tilt_deg):
+    """A part of radii 45 and 30 mm, rendered 714 mm away and explained."""
+    tilt = np.radians(tilt_deg)
+    normal = np.array([0.0, -np.sin(tilt), -np.cos(tilt)])
+    scene = coaxial_part_scene(form, np.array([0.0, 0.0, 714.0]), normal, seed=1)
+    scene = replace(scene, targets=(replace(scene.targets[0], height_mm=height_mm),))
+    target = Target("coaxial", (45.0, 30.0), generatrix_mm=float(np.hypot(height_mm, 15.0)))
+    return explain(render(scene), scene.camera, target)
+
+
+def test_the_view_in_which_both_pairs_fit_is_named():
+    explanation = explained_part("recess", 1.0, 50.75)
+    big = explanation.result.circles[0]
+    assert big.ambiguity > 0.3
+    text = report_text(explanation, "camera", "target")
+    assert "0.0 deg from the view in which both pairs of candidates fit equally: 50.8 deg at this distance of" in text
+    by_circle = {stage["circle"]: stage["mirror_view"] for stage in report_record(explanation)["stages"]}
+    assert by_circle["big"]["tilt_deg"] == pytest.approx(50.75, abs=0.1)
+    assert by_circle["big"]["both_pairs_fit_at_deg"] == pytest.approx(50.75, abs=0.1)
+    assert by_circle["small"] is None
+
+
+def test_a_boss_has_no_such_view():
+    explanation = explained_part("boss", 20.0, 30.0)
+    assert explanation.result.status is Status.OK
+    assert "both pairs" not in report_text(explanation, "camera", "target")
+    assert all(stage["mirror_view"] is None for stage in report_record(explanation)["stages"])
 
 
 def barred(image):

@@ -12,7 +12,14 @@ import pytest
 
 from circlepose.counterparts import PoseTable, TabledCircle, TabledPose
 from circlepose.errors import UsageError
-from circlepose.files.layouts import TABLE2_COLUMNS, TABLE2_ERRORS, write_results
+from circlepose.files.layouts import (
+    AMBIGUITY,
+    ERROR_NUMBERS,
+    POSE_NUMBERS,
+    TABLE2_COLUMNS,
+    TABLE2_ERRORS,
+    write_results,
+)
 from circlepose.files.reference import Reference, read_reference
 from circlepose_cli.app import main
 from discs import CENTER_MM, NORMAL, disc_folder, made_circle, made_result
@@ -43,10 +50,12 @@ def moved(by):
 def test_errors_are_the_distance_and_the_angle_and_the_reference_follows():
     chosen, other, known = rows([made_result()], truth(("a.png", "disc", moved((0.0, 0.3, 0.4)))))
     assert (chosen["Candidate"], other["Candidate"], known["Candidate"]) == ("chosen", "other", "reference")
-    assert (chosen["TV error (mm)"], chosen["UN error (deg)"]) == ("0.500", "0.000")
+    # As in Table 1 of Fu & Zhou: components without signs. The numbers for programs have them.
+    assert (chosen["TV error (mm)"], chosen["UN error (deg)"]) == ("(0.000, 0.300, 0.400)", "0.000")
+    assert [chosen[name] for name in ERROR_NUMBERS] == ["0.000000", "-0.300000", "-0.400000", "0.500000"]
     second = made_circle().candidates[1]
     assert float(other["UN error (deg)"]) == pytest.approx(np.degrees(np.arccos(second.normal @ NORMAL)), abs=1e-3)
-    assert float(other["TV error (mm)"]) == pytest.approx(
+    assert float(other["center_error_mm"]) == pytest.approx(
         np.linalg.norm(second.center - moved((0, 0.3, 0.4))), abs=1e-3
     )
     assert known["TV"] == "(10.0000, -4.7000, 200.4000)"
@@ -55,13 +64,21 @@ def test_errors_are_the_distance_and_the_angle_and_the_reference_follows():
 
 
 def test_columns_of_errors_are_there_with_a_reference_only():
-    assert list(rows([made_result()], None)[0]) == list(TABLE2_COLUMNS)
-    assert list(rows([made_result()], truth(("a.png", "disc", None)))[0]) == [*TABLE2_COLUMNS, *TABLE2_ERRORS]
+    numbers = [AMBIGUITY, *POSE_NUMBERS]
+    assert list(rows([made_result()], None)[0]) == [*TABLE2_COLUMNS, *numbers]
+    assert list(rows([made_result()], truth(("a.png", "disc", None)))[0]) == [
+        *TABLE2_COLUMNS,
+        *TABLE2_ERRORS,
+        *numbers,
+        *ERROR_NUMBERS,
+    ]
 
 
 def test_json_holds_numbers_lists_and_nulls():
     chosen, _, known = rows([made_result()], truth(("a.png", "disc", moved((3.0, 0.0, 4.0)))), "json")
-    assert chosen["TV error (mm)"] == pytest.approx(5.0)
+    assert chosen["TV error (mm)"] == pytest.approx([3.0, 0.0, 4.0])
+    assert [chosen[name] for name in ERROR_NUMBERS] == pytest.approx([-3.0, 0.0, -4.0, 5.0])
+    assert [known[name] for name in POSE_NUMBERS] == pytest.approx([*moved((3.0, 0.0, 4.0)), *NORMAL])
     assert known["UN"] == pytest.approx(NORMAL)
     assert known["TV error (mm)"] is None
 
@@ -73,7 +90,7 @@ def test_an_unknown_centre_leaves_the_normals_error():
 
 def test_images_are_known_by_name_or_by_file_name():
     reference = truth(("set/a.png", "disc", moved((0, 0, 1))), ("x/c.png", "disc", None), ("y/c.png", "disc", None))
-    assert rows([made_result()], reference)[0]["TV error (mm)"] == "1.000"
+    assert rows([made_result()], reference)[0]["center_error_mm"] == "1.000000"
     assert rows([made_result(image="b.png")], reference)[0]["TV error (mm)"] == ""
     assert len(rows([made_result(image="b.png")], reference)) == 2
     assert not reference.knows("c.png")
@@ -82,8 +99,8 @@ def test_images_are_known_by_name_or_by_file_name():
 def test_several_targets_are_matched_by_their_centres():
     left, right = made_circle(0), made_circle(1, CENTER_MM + np.array([50.0, 0.0, 0.0]))
     reference = truth(("a.png", "disc", moved((50.0, 0.0, 2.0))), ("a.png", "disc", moved((0.0, 1.0, 0.0))))
-    errors = [r["TV error (mm)"] for r in rows([made_result(left, right)], reference) if r["Candidate"] == "chosen"]
-    assert errors == ["1.000", "2.000"]
+    errors = [r["center_error_mm"] for r in rows([made_result(left, right)], reference) if r["Candidate"] == "chosen"]
+    assert errors == ["1.000000", "2.000000"]
 
 
 def test_the_generatrix_of_the_reference_needs_both_circles():
@@ -130,7 +147,7 @@ def test_the_option(folder, capsys):
         assert "reference" in out
     assert main(["estimate", str(folder), *args[:-1], "csv"]) == 0
     first, second, _ = csv.DictReader(io.StringIO(capsys.readouterr().out))
-    assert min(float(first["TV error (mm)"]), float(second["TV error (mm)"])) < 0.5
+    assert min(float(first["center_error_mm"]), float(second["center_error_mm"])) < 0.5
 
 
 def test_misuse_of_the_option(folder, capsys):

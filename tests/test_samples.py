@@ -47,8 +47,8 @@ VIEWS = (
     View("coplanar/c.png", WELL, WELL),
     View("coplanar/d.png", WELL, WELL),
 )
-LONE = ("cd", "clutter")
-"""sets of lone circles, of which nothing tells the right candidate: the better one is compared with the truth"""
+LONE = ("clutter",)
+"""sets of lone circles without a hint to the right candidate: the better one is compared with the truth"""
 each_view = pytest.mark.parametrize("view", VIEWS, ids=lambda view: view.name)
 
 

@@ -12,6 +12,16 @@ from circlepose.errors import ArgumentError, UsageError
 from circlepose.files.scene_file import read_scenes
 from circlepose.solvers.chen_huang import poses_from_frame
 from circlepose.studies import published
+from circlepose.studies.gcc import (
+    PARTS,
+    PRINTED_LIMIT_MM,
+    GccPoint,
+    gcc_points,
+    gcc_rows,
+    gcc_scene,
+    measured,
+    printed_points,
+)
 from circlepose.studies.nearness import angle_deg
 from circlepose.studies.noise import (
     contour_pixels,
@@ -21,7 +31,7 @@ from circlepose.studies.noise import (
     printed_noise_rows,
     readings,
 )
-from circlepose.studies.plot import plot_noise
+from circlepose.studies.plot import plot_gcc, plot_noise
 from circlepose.studies.scenes import (
     CD_RADIUS_MM,
     CD_TARGET,
@@ -250,6 +260,15 @@ def table2():
     return table2_rows(["1b", "2b"])
 
 
+def test_the_error_of_tv_is_a_vector_as_printed(table2):
+    (printed,) = (row for row in table2 if row.scene == "1b" and row.source == "print, measured")
+    np.testing.assert_allclose(printed.center_error_mm, (1.7160, 0.8529, 3.9063), atol=1.5e-4)
+    for row in table2:
+        if row.center_error_mm is not None:
+            assert min(row.center_error_mm) >= 0.0
+            assert row.position_error_mm == pytest.approx(np.linalg.norm(row.center_error_mm))
+
+
 def test_tables_1_and_2_choose_the_right_candidate(table2):
     chosen = [row for row in table2 if row.source == "circlepose" and row.candidate == "chosen"]
     other = [row for row in table2 if row.source == "circlepose" and row.candidate == "other"]
@@ -295,3 +314,82 @@ def test_a_plot_without_matplotlib_says_what_to_install(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     with pytest.raises(UsageError, match=r"pip install 'circlepose\[report\]'"):
         plot_noise(printed_noise_rows(), tmp_path / "noise.png")
+
+
+def test_the_print_s_own_scenes_of_table_2():
+    first, second = printed_points()
+    assert (first.part, second.part) == ("print, 2a", "print, 2b")
+    assert (first.right_mm, first.other_mm) == pytest.approx((46.98 - 45.12, 40.24 - 45.12))
+    assert (second.right_mm, second.other_mm) == pytest.approx((45.70 - 45.33, 41.96 - 45.33))
+    assert first.tilt_deg == pytest.approx(14.2, abs=0.1)
+
+
+def generator(seed):
+    return np.random.Generator(np.random.PCG64(seed))
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_a_scene_of_the_gcc_study_has_the_tilt_asked_for_and_depends_on_its_numbers_alone(part):
+    scene = gcc_scene(part, 25.0, generator(3))
+    (target,) = scene.targets
+    assert angle_deg(-target.normal, target.center_mm) == pytest.approx(25.0)
+    assert 600.0 <= np.linalg.norm(target.center_mm) <= 850.0
+    assert target.form == part
+    assert np.hypot(target.height_mm, 15.0) == pytest.approx(published.GENERATRIX_MM)
+    assert_same(scene, gcc_scene(part, 25.0, generator(3)))
+    assert np.any(gcc_scene(part, 25.0, generator(4)).targets[0].center_mm != target.center_mm)
+
+
+@pytest.fixture(scope="module")
+def gcc():
+    return tuple(gcc_points(1, seed=5))
+
+
+def test_the_right_pair_has_the_parts_generatrix_and_the_other_has_not(gcc):
+    assert [point.part for point in gcc] == list(PARTS)
+    for point in gcc:
+        assert abs(point.right_mm) < PRINTED_LIMIT_MM
+        assert abs(point.other_mm) > 2.0 * PRINTED_LIMIT_MM
+        assert point.chosen_right
+    boss, recess = gcc
+    # At the near end: of bosses too short, of recesses too long.
+    assert boss.other_mm < 0.0 < recess.other_mm
+
+
+def test_a_part_that_is_not_found_has_no_deviation():
+    scene = gcc_scene("boss", 25.0, generator(3))
+    (target,) = scene.targets
+    unseen = replace(
+        scene, targets=(replace(target, side=Paint(30.0), cap=Paint(30.0)),), shapes=(), noise_levels=0.0
+    )
+    point = measured(replace(unseen, background=Paint(30.0)))
+    assert (point.part, point.right_mm, point.other_mm, point.chosen_right) == ("boss", None, None, None)
+
+
+def test_rows_of_the_gcc_study_summarize_parts_and_tilts():
+    points = [
+        GccPoint("print, 2a", 14.2, 1.86, -4.88),
+        GccPoint("boss", 10.0, 0.2, -4.0, chosen_right=True),
+        GccPoint("boss", 12.0, -0.4, 0.3, chosen_right=False),
+        GccPoint("boss", 6.0, None, None),
+        GccPoint("recess", 40.0, 0.1, None, chosen_right=True),
+    ]
+    printed, boss, recess = gcc_rows(points)
+    assert (printed.part, printed.tilts, printed.most_mm, printed.chosen_right) == ("print, 2a", "14", 1.86, None)
+    assert (boss.part, boss.tilts, boss.scenes, boss.no_pose) == ("boss", "5 to 15", 3, 1)
+    assert (boss.median_mm, boss.most_mm, boss.least_other_mm) == pytest.approx((0.3, 0.4, 0.3))
+    assert (boss.gcc_right, boss.chosen_right) == (1, 1)
+    assert (recess.tilts, recess.least_other_mm, recess.gcc_right) == ("30 to 45", None, 0)
+
+
+def test_the_gcc_study_needs_a_scene():
+    with pytest.raises(ArgumentError, match="at least 1"):
+        next(gcc_points(0))
+
+
+@pytest.mark.parametrize("suffix", [".png", ".svg", ".pdf"])
+def test_the_plot_of_gcc(tmp_path, suffix):
+    pytest.importorskip("matplotlib")
+    path = tmp_path / f"gcc{suffix}"
+    plot_gcc([*printed_points(), GccPoint("boss", 10.0, 0.2, -4.0), GccPoint("recess", 20.0, None, None)], path)
+    assert path.stat().st_size > 1000

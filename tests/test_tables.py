@@ -18,6 +18,7 @@ from circlepose.pose import CircleResult, ImageResult, Status
 from discs import CENTER_MM, NORMAL, RADIUS_MM, made_circle, made_result
 
 COVARIANCE = np.diag([0.01, 0.04, 0.09, 3e-6, 1e-6])
+NUMBERS = ["center_x_mm", "center_y_mm", "center_z_mm", "normal_x", "normal_y", "normal_z"]
 FAILED = ImageResult("bad.png", Status.NO_CIRCLE, "nothing there")
 
 
@@ -239,10 +240,32 @@ def test_table1_has_the_columns_and_decimals_of_the_print():
         "Position difference (mm)",
         "Surface normal",
         "Orientation difference (deg)",
+        "Ambiguity",
+        *NUMBERS,
     ]
-    assert list(rows[0].values()) == ["chen-huang", "a.png", "(10.00, -5.00, 200.00)", "", "(0.53, 0.11, -0.84)", ""]
+    printed = ["chen-huang", "a.png", "(10.00, -5.00, 200.00)", "", "(0.53, 0.11, -0.84)", "", "0.2500"]
+    assert list(rows[0].values())[:7] == printed
     assert (rows[1]["Position difference (mm)"], rows[1]["Orientation difference (deg)"]) == ("1.23", "1.23")
     assert (rows[2]["Image"], rows[2]["Circle center position"]) == ("bad.png", "no_circle")
+
+
+@pytest.mark.parametrize("layout", ["table1", "table2"])
+def test_components_of_vectors_are_numbers_of_their_own(layout):
+    """Also negative ones, which as texts a spreadsheet would take for formulas."""
+    exact = np.concatenate([CENTER_MM, NORMAL])
+    row = read_csv([made_result()], layout)[0]
+    np.testing.assert_allclose([float(row[name]) for name in NUMBERS], exact, atol=1e-6)
+    known = read_json([made_result()], layout)["rows"][0]
+    np.testing.assert_allclose([known[name] for name in NUMBERS], exact, atol=1e-12)
+    failed = read_json([FAILED], layout)["rows"][0]
+    assert [failed[name] for name in NUMBERS] == [None] * 6
+
+
+def test_the_table_layouts_show_the_ambiguity_of_the_chosen_candidate():
+    coin_flip = made_result(replace(made_circle(), ambiguity=0.5))
+    assert [row["Ambiguity"] for row in read_csv([coin_flip], "table1")] == ["0.5000"]
+    assert [row["Ambiguity"] for row in read_csv([coin_flip], "table2")] == ["0.5000", ""]
+    assert [row["Ambiguity"] for row in read_json([coin_flip], "table2")["rows"]] == [0.5, None]
 
 
 def test_table1_tells_several_circles_apart():

@@ -1,15 +1,16 @@
 """Which candidates of two coaxial circles in different planes belong together: Fu & Zhou (2019), section 3.3.
 
-Each candidate of the big circle is paired with the small circle's candidate of nearest normal. Of the right pair
-the generatrix, rim to rim in the plane that holds the axis and the camera, has the part's known length
+The candidates of the two circles are paired one to one, so that their normals agree best. Of the right pair the
+generatrix, rim to rim in the plane that holds the axis and the camera, has the part's known length
 sqrt(h^2 + (R - r)^2) at both ends of the diameters there. Of the wrong pair the small circle's centre is off the
-big one's axis by some e in that plane, and the generatrices are
+big one's axis by some e in that plane, and the generatrices are about
 
     sqrt(h'^2 + (R - r - e)^2)  and  sqrt(h'^2 + (R - r + e)^2)
 
 (CC1 in their fig. 5 is one of the two). One is too short and the other too long by about as much, so compare the
-ends, never their mean: it hardly tells the pairs apart. Where the length is not known, ends of one length or
-e = 0 tell as well.
+ends, never their mean: it hardly differs between the pairs. Where the length is not known, ends of one length or
+e = 0 show the right pair as well. In two kinds of view the wrong pair has the right length at both ends
+(`disambiguation.mirror_view`); in one of them e is 0, too, and nothing distinguishes the pairs.
 
 Lengths are in the unit of the centres; the frame is any that has the camera in its origin. Normals point towards
 the camera, so both circles must be seen from the same side.
@@ -28,12 +29,20 @@ _NO_DIRECTION = 1e-12
 
 
 def pair_candidates(normals_big: FloatArray, normals_small: FloatArray) -> IntArray:
-    """Return, for each candidate of the big circle, the small circle's candidate of nearest normal: indices (..., 2).
+    """Return, for each candidate of the big circle, its partner among the small circle's: indices (..., k).
 
-    `normals_big`, `normals_small` (..., 2, 3): unit normals of both candidates. Where the tilt is so small that all
-    four agree within their errors, both may have the same partner.
+    `normals_big` (..., k, 3), `normals_small` (..., l, 3): unit normals of the one or two candidates. Two and two are
+    paired one to one, as their normals agree better: by the larger sum of cosines. For exact cones that is always the
+    right assignment. With a and b the angles between the common normal and the bisectors of the two cones, it leads
+    by 4 cos(a - b) sin(a) sin(b), and both angles are acute and lie on the same side. Where a circle has one
+    candidate, the nearest normal counts.
     """
-    return np.asarray(np.argmax(normals_big @ np.swapaxes(normals_small, -1, -2), axis=-1), dtype=np.int64)
+    cosines = normals_big @ np.swapaxes(normals_small, -1, -2)
+    if cosines.shape[-2:] != (2, 2):
+        return np.asarray(np.argmax(cosines, axis=-1), dtype=np.int64)
+    straight = cosines[..., 0, 0] + cosines[..., 1, 1]
+    crossed = cosines[..., 0, 1] + cosines[..., 1, 0]
+    return np.where((straight >= crossed)[..., None], np.array([0, 1]), np.array([1, 0]))
 
 
 def generatrix_length(

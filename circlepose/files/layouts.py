@@ -1,6 +1,7 @@
 """The papers' own tables as layouts of the results: Table I of Chen & Huang, Tables 1 and 2 of Fu & Zhou.
 
-A cell that holds a vector is one text, as in print: `(-14.86, 31.54, 902.38)`. In JSON it is a list.
+A cell that holds a vector is one text, as in print: `(-14.86, 31.54, 902.38)`. In JSON it is a list. The data formats
+have each component as a column of its own as well, after the printed ones.
 """
 
 from __future__ import annotations
@@ -34,7 +35,13 @@ TABLE1_COLUMNS = (
 )
 TABLE2_COLUMNS = ("Scene", "Candidate", "UN", "TV", "GCC")
 TABLE2_ERRORS = ("TV error (mm)", "UN error (deg)")
-"""columns that are there where a reference is given"""
+"""columns that are there where a reference is given; the error of TV is a vector, as in Table 1"""
+AMBIGUITY = "Ambiguity"
+"""last column of both: the probability that the chosen candidate is the wrong one"""
+POSE_NUMBERS = ("center_x_mm", "center_y_mm", "center_z_mm", "normal_x", "normal_y", "normal_z")
+"""columns of the data formats, after the printed ones"""
+ERROR_NUMBERS = ("center_error_x_mm", "center_error_y_mm", "center_error_z_mm", "center_error_mm")
+"""those that are there where a reference is given: measured less reference, and the distance"""
 
 _DECIMALS = {
     "Circle center position": 2,
@@ -46,6 +53,7 @@ _DECIMALS = {
     "GCC": 2,
     "TV error (mm)": 3,
     "UN error (deg)": 3,
+    AMBIGUITY: 4,
 }
 _REFERENCE_METHOD = "chen-huang"
 
@@ -71,6 +79,7 @@ def table1_rows(result: ImageResult) -> Iterator[Row]:
             row["Position difference (mm)"] = None if is_reference else chosen.position_difference_mm
             row["Surface normal"] = _vector(chosen.normal)
             row["Orientation difference (deg)"] = None if is_reference else chosen.orientation_difference_deg
+            row |= {AMBIGUITY: circle.ambiguity, **_pose_numbers(chosen.center, chosen.normal)}
         else:
             row["Circle center position"] = circle.status
         yield row
@@ -82,8 +91,8 @@ def table2_rows(result: ImageResult, reference: Reference | None = None) -> Iter
     """Yield a row per candidate of each target's largest circle, the chosen first, as in Table 2 of Fu & Zhou.
 
     UN is the unit normal, TV the translation vector (mm), GCC the generatrix between the concentric circles (mm).
-    With a `reference` its pose follows, and each candidate's row has the errors to it: the distance (mm) of TV and
-    the angle (deg) of UN.
+    With a `reference` its pose follows, and each candidate's row has the errors to it: the components (mm) of TV,
+    without their signs as in Table 1, and the angle (deg) of UN.
     """
     known = {} if reference is None else reference.poses(result)
     seen = set()
@@ -104,8 +113,10 @@ def table2_rows(result: ImageResult, reference: Reference | None = None) -> Iter
                 "UN": _vector(candidate.normal),
                 "TV": _vector(candidate.center),
                 "GCC": candidate.generatrix_mm,
-                "TV error (mm)": _distance(candidate.center, true),
                 "UN error (deg)": _angle_deg(candidate.normal, true),
+                AMBIGUITY: circle.ambiguity if number == circle.chosen else None,
+                **_pose_numbers(candidate.center, candidate.normal),
+                **_center_errors(candidate.center, true),
             }
         if true is not None:
             yield {
@@ -114,31 +125,40 @@ def table2_rows(result: ImageResult, reference: Reference | None = None) -> Iter
                 "UN": None if true.normal is None else Vector(true.normal),
                 "TV": None if true.center_mm is None else Vector(true.center_mm),
                 "GCC": _reference_generatrix(result, circle, known),
+                **_pose_numbers(true.center_mm, true.normal),
             }
     if not result.circles or tables.stands_for_missing(result):
         yield {"Scene": result.image, "UN": result.status}
 
 
 def columns_and_rows(
-    layout: Layout, reference: Reference | None = None
+    layout: Layout, reference: Reference | None = None, *, numbers: bool = False
 ) -> tuple[tuple[str, ...], Callable[[ImageResult], Iterator[Row]]]:
-    """Return the columns of a printed layout, and what makes the rows of a result; `reference` for `table2`."""
+    """Return the columns of a printed layout, and what makes the rows of a result; `reference` for `table2`.
+
+    With `numbers` the components of vectors follow, each in a column of its own.
+    """
     columns, rows_of = PRINTED[layout]
+    plain = POSE_NUMBERS if numbers else ()
     if layout == "table2" and reference is not None:
-        return (*columns, *TABLE2_ERRORS), lambda result: table2_rows(result, reference)
-    return columns, rows_of
+        errors = ERROR_NUMBERS if numbers else ()
+        return (*columns, *TABLE2_ERRORS, AMBIGUITY, *plain, *errors), lambda result: table2_rows(result, reference)
+    return (*columns, AMBIGUITY, *plain), rows_of
 
 
 PRINTED: Mapping[Layout, tuple[tuple[str, ...], Callable[[ImageResult], Iterator[Row]]]] = {
     "table1": (TABLE1_COLUMNS, table1_rows),
     "table2": (TABLE2_COLUMNS, table2_rows),
 }
-"""columns and rows of the layouts that have the form of a printed table"""
+"""columns, without the ambiguity, and rows of the layouts that have the form of a printed table"""
 
 
 def printed(row: Row, columns: Iterable[str]) -> Row:
-    """Return `row` with its numbers and vectors as the texts of the printed tables."""
-    return {column: _print(row.get(column), _DECIMALS.get(column, 6)) for column in columns}
+    """Return `row` with the printed columns as texts; columns of components stay numbers."""
+    return {
+        column: _print(row.get(column), _DECIMALS[column]) if column in _DECIMALS else row.get(column)
+        for column in columns
+    }
 
 
 def write_results(
@@ -159,7 +179,7 @@ def write_results(
         }
         writers[data_format](results, handle)
         return
-    columns, rows_of = columns_and_rows(layout, reference)
+    columns, rows_of = columns_and_rows(layout, reference, numbers=True)
     schema = f"circlepose.{layout}/1"
 
     def printed_rows(result: ImageResult) -> Iterator[Row]:
@@ -197,10 +217,17 @@ def _key(circle: CircleResult) -> CircleKey:
     return circle.instance, circle.circle, circle.method
 
 
-def _distance(center: FloatArray, true: TabledPose | None) -> float | None:
+def _pose_numbers(center: Iterable[float] | None, normal: Iterable[float] | None) -> Row:
+    values = [*((None,) * 3 if center is None else center), *((None,) * 3 if normal is None else normal)]
+    return {name: None if value is None else float(value) for name, value in zip(POSE_NUMBERS, values, strict=True)}
+
+
+def _center_errors(center: FloatArray, true: TabledPose | None) -> Row:
     if true is None or true.center_mm is None:
-        return None
-    return float(np.linalg.norm(center - true.center_mm))
+        return {}
+    error = center - np.array(true.center_mm)
+    numbers = [*error.tolist(), float(np.linalg.norm(error))]
+    return {TABLE2_ERRORS[0]: _vector(np.abs(error)), **dict(zip(ERROR_NUMBERS, numbers, strict=True))}
 
 
 def _angle_deg(normal: FloatArray, true: TabledPose | None) -> float | None:

@@ -19,6 +19,7 @@ _CSV_HEADERS = (
     b"Method,Source,Image,",
     b"Reading,Perturbed,",
     b"Scene,Source,",
+    b"Part,Tilt (deg),Scenes,",
 )
 _PNG = b"\x89PNG\r\n\x1a\n"
 _PNG_HEAD_BYTES = 33

@@ -23,7 +23,7 @@ from circlepose.files.yaml_text import parse_yaml
 from circlepose.synthesis.scene import CoaxialPart, Patch, Scene, Shading, TargetPart
 from circlepose.target import Target
 
-_TARGET_KEYS = ("count", "polarity", "axis_intervals_px", "depth_range_mm")
+_TARGET_KEYS = ("count", "polarity", "axis_intervals_px", "depth_range_mm", "normal_hint", "up_hint", "facing")
 _Mappings = list[dict[str, Any]]
 _NotNegative = Annotated[float, Field(ge=0.0)]
 

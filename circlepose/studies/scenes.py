@@ -6,6 +6,7 @@ What is not printed (radii, light, surroundings) is chosen here: see docs/papers
 from __future__ import annotations
 
 import math
+from typing import Literal
 
 from circlepose._typing import FloatArray, frozen
 from circlepose.camera import Camera
@@ -28,7 +29,13 @@ CD_RADIUS_MM = 60.0
 _RINGS_MM = (50.0, 30.0)
 _BOSS_MM = (45.0, 30.0)
 
-CD_TARGET = Target.circle(CD_RADIUS_MM, polarity="bright", axis_intervals=AxisIntervals((250.0, 450.0), (0.0, 150.0)))
+CD_TARGET = Target(
+    "circle",
+    (CD_RADIUS_MM,),
+    polarity="bright",
+    axis_intervals=AxisIntervals((250.0, 450.0), (0.0, 150.0)),
+    facing="up",
+)
 COPLANAR_TARGET = Target("coplanar", _RINGS_MM, depth_range_mm=(400.0, 1200.0))
 COAXIAL_TARGET = Target("coaxial", _BOSS_MM, generatrix_mm=GENERATRIX_MM, depth_range_mm=(400.0, 1200.0))
 
@@ -86,7 +93,7 @@ def coplanar_scenes() -> tuple[Scene, ...]:
         plane = _calibrated_plane(f"1{image}")
         scenes.append(
             Scene(
-                camera=_fu_zhou_camera(),
+                camera=fu_zhou_camera(),
                 targets=(Rings(plane.center, plane.normal, _RINGS_MM, (Paint(34.0), Paint(inner_level))),),
                 background=Paint(62.0, Texture(8.0, 90.0, 21)),
                 shapes=(Patch(plate, Paint(level, Texture(7.0, 28.0, 31 + number)), plane),),
@@ -105,29 +112,38 @@ def coaxial_scenes() -> tuple[Scene, ...]:
         "a": Box((330.0, 290.0), (-12.0, 10.0), math.radians(5.0), 18.0),
         "b": Box((330.0, 290.0), (46.0, -8.0), math.radians(-4.0), 18.0),
     }
-    height = math.sqrt(GENERATRIX_MM**2 - (_BOSS_MM[0] - _BOSS_MM[1]) ** 2)
     scenes = []
     for number, (image, plate) in enumerate(plates.items()):
         plane = _calibrated_plane(f"2{image}")
-        scenes.append(
-            Scene(
-                camera=_fu_zhou_camera(),
-                targets=(
-                    CoaxialPart(plane.center, plane.normal, _BOSS_MM, height, "boss", Paint(74.0), Paint(228.0)),
-                ),
-                background=Paint(46.0, Texture(5.0, 120.0, 41)),
-                shapes=(Patch(plate, Paint(168.0, Texture(4.0, 45.0, 51 + number)), plane),),
-                shading=Shading(-0.08, -0.12),
-                noise_levels=1.5,
-                noise_seed=300 + number,
-                name=image,
-            )
-        )
+        scenes.append(_on_a_plate("boss", plane, plate, 51 + number, 300 + number, image))
     return tuple(scenes)
 
 
-def _fu_zhou_camera() -> Camera:
-    """12 mm over pixels of 3.45 um, and 2456 x 2058 px, both halved."""
+def coaxial_part_scene(
+    form: Literal["boss", "recess"], center_mm: FloatArray, normal: FloatArray, seed: int
+) -> Scene:
+    """Return a scene as those of Table 2, with the part at another pose: `center_mm` (3,) and `normal` (3,)."""
+    return _on_a_plate(form, Plane.create(center_mm, normal), Box((330.0, 290.0), corner_radius=18.0), seed, seed, "")
+
+
+def _on_a_plate(
+    form: Literal["boss", "recess"], plane: Plane, plate: Box, texture_seed: int, noise_seed: int, name: str
+) -> Scene:
+    height = math.sqrt(GENERATRIX_MM**2 - (_BOSS_MM[0] - _BOSS_MM[1]) ** 2)
+    return Scene(
+        camera=fu_zhou_camera(),
+        targets=(CoaxialPart(plane.center, plane.normal, _BOSS_MM, height, form, Paint(74.0), Paint(228.0)),),
+        background=Paint(46.0, Texture(5.0, 120.0, 41)),
+        shapes=(Patch(plate, Paint(168.0, Texture(4.0, 45.0, texture_seed)), plane),),
+        shading=Shading(-0.08, -0.12),
+        noise_levels=1.5,
+        noise_seed=noise_seed,
+        name=name,
+    )
+
+
+def fu_zhou_camera() -> Camera:
+    """Return the camera of Fu & Zhou: 12 mm over pixels of 3.45 um, and 2456 x 2058 px, both halved."""
     focal = 1739.1304
     matrix = [[focal, 0.0, 613.5], [0.0, focal, 514.0], [0.0, 0.0, 1.0]]
     return Camera.create(matrix, [0.0] * 5, (1228, 1029))

@@ -10,7 +10,7 @@ import numpy as np
 
 from circlepose.pipeline import estimate
 from circlepose.pose import CircleResult
-from circlepose.studies.nearness import angle_deg, distance_mm, triple
+from circlepose.studies.nearness import angle_deg, triple
 from circlepose.studies.published import TABLES_1_AND_2, PrintedCandidate, PrintedScene, Triple
 from circlepose.studies.scenes import COAXIAL_TARGET, COPLANAR_TARGET, coaxial_scenes, coplanar_scenes
 from circlepose.synthesis.render import render
@@ -32,8 +32,10 @@ class Table2Row:
     """TV"""
     generatrix_mm: float | None
     """GCC"""
+    center_error_mm: Triple | None = None
+    """Error(TV): the components of TV less the calibrated one's, without signs as in Table 1"""
     position_error_mm: float | None = None
-    """to the calibrated pose, which is the exact truth of the rendered scene"""
+    """their length; the calibrated pose is the exact truth of the rendered scene"""
     orientation_error_deg: float | None = None
 
 
@@ -86,9 +88,10 @@ def _printed_rows(printed: PrintedScene) -> Iterator[Table2Row]:
     )
 
 
-def _errors(normal: Triple, center_mm: Triple, calibrated: PrintedCandidate) -> tuple[float, float]:
-    position = distance_mm(np.array(center_mm), np.array(calibrated.center_mm))
-    return position, float(angle_deg(np.array(normal), np.array(_towards_camera(calibrated))))
+def _errors(normal: Triple, center_mm: Triple, calibrated: PrintedCandidate) -> tuple[Triple, float, float]:
+    error = np.array(center_mm) - np.array(calibrated.center_mm)
+    turned = float(angle_deg(np.array(normal), np.array(_towards_camera(calibrated))))
+    return triple(np.abs(error)), float(np.linalg.norm(error)), turned
 
 
 def _towards_camera(pose: PrintedCandidate) -> Triple:

@@ -15,6 +15,10 @@ from circlepose_cli.options import ReportFormat
 def camera(
     calibration: Annotated[Path, typer.Argument(metavar="FILE", help="Calibration file.", show_default=False)],
     camera_name: options.CameraName = None,
+    target_file: Annotated[
+        Path | None,
+        typer.Option("--target", metavar="FILE", help="Target to be measured: warn of views that are ambiguous."),
+    ] = None,
     report_format: Annotated[
         ReportFormat, typer.Option("--format", help="Plain words, or JSON.")
     ] = ReportFormat.TEXT,
@@ -29,7 +33,12 @@ def camera(
     from circlepose.files.camera_file import read_camera_file  # noqa: PLC0415 - needs NumPy
     from circlepose_cli.camera_report import describe, report_record, report_text  # noqa: PLC0415
 
-    report = describe(read_camera_file(calibration, camera_name))
+    target = None
+    if target_file is not None:
+        from circlepose.files.target_file import read_target  # noqa: PLC0415
+
+        target = read_target(target_file)
+    report = describe(read_camera_file(calibration, camera_name), target)
     if report_format is ReportFormat.JSON:
         typer.echo(json.dumps(report_record(report), indent=2, allow_nan=False))
     else:

@@ -13,6 +13,8 @@ from circlepose._typing import FloatArray
 from circlepose.camera import Camera
 from circlepose.files.camera_file import CameraFile
 from circlepose.files.names import printable
+from circlepose.target import Target
+from circlepose_cli.target_report import describe_target, target_warnings
 
 SCHEMA = "circlepose.camera/1"
 CONVENTION = "an integer pixel coordinate is a pixel's centre; (0, 0) is the centre of the top left pixel"
@@ -54,10 +56,12 @@ class CameraReport:
     corner_shifts: tuple[CornerShift, ...]
     notes: tuple[str, ...]
     warnings: tuple[str, ...]
+    target: str | None = None
+    """the target that the warnings are about as well, in words"""
 
 
-def describe(camera_file: CameraFile) -> CameraReport:
-    """Return the report on a calibration file."""
+def describe(camera_file: CameraFile, target: Target | None = None) -> CameraReport:
+    """Return the report on a calibration file, and on the `target` to be measured with it."""
     camera = camera_file.camera
     matrix, size = camera.camera_matrix, camera.image_size
     principal_point = matrix[:2, 2]
@@ -79,7 +83,10 @@ def describe(camera_file: CameraFile) -> CameraReport:
         notes=camera_file.notes,
         warnings=(),
     )
-    return replace(report, warnings=tuple(_warnings(report)))
+    if target is None:
+        return replace(report, warnings=tuple(_warnings(report)))
+    warnings = (*_warnings(report), *target_warnings(target))
+    return replace(report, warnings=warnings, target=describe_target(target))
 
 
 def _field_of_view(camera: Camera, size: tuple[int, int]) -> dict[str, float | None]:
@@ -160,6 +167,8 @@ def report_text(report: CameraReport) -> str:
         for number, shift in enumerate(report.corner_shifts)
     ]
     lines.append(("pixels", CONVENTION))
+    if report.target is not None:
+        lines.append(("target", report.target))
     lines += [("note", note) for note in report.notes]
     lines += [("warning", warning) for warning in report.warnings]
     return "\n".join(f"{name:<16} {printable(value)}" for name, value in lines)

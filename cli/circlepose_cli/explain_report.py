@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
+from circlepose.disambiguation.mirror_view import MirrorView, mirror_view
 from circlepose.explain import ExplainedCircle, Explanation, stretches_left_out
 from circlepose.files.names import printable
 from circlepose.files.records import image_record
@@ -37,6 +38,7 @@ def report_text(explanation: Explanation, camera: str, target: str) -> str:
     rows += [("", f"{number:6d}  {reason}") for reason, number in explanation.rejected.items()]
     for circle in explanation.circles:
         rows += [("", None), *_circle_rows(circle, refine=explanation.refine)]
+        rows += _view_rows(_mirror_view(circle.result, explanation.circles))
     return "\n".join(
         f"{name:<{_INDENT}}{printable(words)}".rstrip() if words is not None else ""
         for name, words in rows
@@ -66,6 +68,26 @@ def _circle_rows(circle: ExplainedCircle, *, refine: bool) -> Iterator[tuple[str
             yield name, words
     if result.flags:
         yield "flags", ", ".join(result.flags)
+
+
+def _mirror_view(big: CircleResult, circles: Sequence[ExplainedCircle]) -> MirrorView | None:
+    """Return how far the view of a coaxial target is from the one in which both pairs fit; None for other circles."""
+    others = (circle.result for circle in circles if circle.result.instance == big.instance)
+    small = next((result for result in others if result.circle == "small"), None)
+    if big.circle != "big" or small is None or not (big.candidates and small.candidates):
+        return None
+    pose, other = big.candidates[big.chosen], small.candidates[small.chosen]
+    return mirror_view(pose.center, pose.normal, big.radius_mm, other.center, small.radius_mm)
+
+
+def _view_rows(view: MirrorView | None) -> Iterator[tuple[str, str | None]]:
+    if view is not None:
+        tilt, mirror = math.degrees(view.tilt_rad), math.degrees(view.mirror_tilt_rad)
+        yield (
+            "view",
+            f"tilted by {tilt:.1f} deg, {abs(tilt - mirror):.1f} deg from the view in which both pairs of candidates "
+            f"fit equally: {mirror:.1f} deg at this distance of {view.distance:.0f} mm",
+        )
 
 
 def _edges(circle: ExplainedCircle) -> str:
@@ -182,7 +204,10 @@ def report_record(explanation: Explanation) -> dict[str, Any]:
         **image_record(explanation.result),
         "contours": explanation.contours,
         "rejected": dict(explanation.rejected),
-        "stages": [_stages(circle) for circle in explanation.circles],
+        "stages": [
+            {**_stages(circle), "mirror_view": _view_record(_mirror_view(circle.result, explanation.circles))}
+            for circle in explanation.circles
+        ],
     }
 
 
@@ -211,6 +236,12 @@ def _stages(circle: ExplainedCircle) -> dict[str, Any]:
         "levels": None if levels is None else _levels_record(circle, levels),
         "dominating": None if terms is None else {"position": _dominating(terms, 0), "normal": _dominating(terms, 1)},
     }
+
+
+def _view_record(view: MirrorView | None) -> dict[str, float] | None:
+    if view is None:
+        return None
+    return {"tilt_deg": math.degrees(view.tilt_rad), "both_pairs_fit_at_deg": math.degrees(view.mirror_tilt_rad)}
 
 
 def _levels_record(circle: ExplainedCircle, levels: LevelResiduals) -> dict[str, Any]:

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, TypeVar
 
 import typer
 
 from circlepose_cli import debugging, options
 
-if TYPE_CHECKING:
-    from circlepose.studies.noise import NoiseRow
-
+T = TypeVar("T")
+Seed = Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Of the random numbers.")]
 study = typer.Typer(
     name="study",
     help="Redo the papers' experiments.",
@@ -64,7 +63,7 @@ def table1(
 @study.command()
 def noise(
     repeats: Annotated[int, typer.Option("--repeats", metavar="N", min=2, help="Perturbations of each kind.")] = 1000,
-    seed: Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Of the random numbers.")] = 0,
+    seed: Seed = 0,
     plot: Annotated[
         Path | None,
         typer.Option("--plot", metavar="FILE", help="Draw the spreads too, as .png, .svg or .pdf; needs matplotlib."),
@@ -81,15 +80,17 @@ def noise(
     """
     if verbose:
         debugging.show_tracebacks(True)
-    from circlepose.studies.noise import printed_noise_rows  # noqa: PLC0415 - needs NumPy and OpenCV
+    from circlepose.studies.noise import noise_rows, printed_noise_rows, readings  # noqa: PLC0415 - needs NumPy and OpenCV
+    from circlepose.studies.published import NOISE  # noqa: PLC0415
     from circlepose_cli.study_output import write_sheet  # noqa: PLC0415
     from circlepose_cli.study_sheets import noise_sheet  # noqa: PLC0415
 
     if plot is not None:
         from circlepose.studies.plot import check_plot  # noqa: PLC0415
 
-        check_plot(plot)
-    rows = (*printed_noise_rows(), *_followed(repeats, seed))
+        check_plot(plot, overwrite=overwrite)
+    total = len(readings()) * len(NOISE)
+    rows = (*printed_noise_rows(), *_followed(noise_rows(repeats, seed), total, "perturbing"))
     if plot is not None:
         from circlepose.studies.plot import plot_noise  # noqa: PLC0415
 
@@ -117,23 +118,48 @@ def table2(
     write_sheet(table2_sheet(table2_rows()), output_format, output, overwrite=overwrite)
 
 
-def _followed(repeats: int, seed: int) -> Iterator[NoiseRow]:
-    """Yield the rows of the noise experiment, with a bar meanwhile where standard error is a terminal."""
-    from circlepose.studies.noise import noise_rows, readings  # noqa: PLC0415
+@study.command()
+def gcc(
+    scenes: Annotated[int, typer.Option("--scenes", metavar="N", min=1, help="Scenes of each part.")] = 30,
+    seed: Seed = 0,
+    plot: Annotated[
+        Path | None,
+        typer.Option("--plot", metavar="FILE", help="Draw each scene too, as .png, .svg or .pdf; needs matplotlib."),
+    ] = None,
+    output_format: options.Format = None,
+    output: options.Output = None,
+    overwrite: options.Overwrite = False,
+    verbose: options.Verbose = False,
+) -> None:
+    """Deviation of GCC, Fig. 9 of Fu & Zhou 2019.
 
-    rows = noise_rows(repeats, seed)
+    How far the generatrix of the right pair of candidates, and of the other one, is from the part's: bosses and
+    recesses rendered at random poses.
+    """
+    if verbose:
+        debugging.show_tracebacks(True)
+    from circlepose.studies.gcc import PARTS, gcc_points, gcc_rows, printed_points  # noqa: PLC0415 - needs NumPy
+    from circlepose_cli.study_output import write_sheet  # noqa: PLC0415
+    from circlepose_cli.study_sheets import gcc_sheet  # noqa: PLC0415
+
+    if plot is not None:
+        from circlepose.studies.plot import check_plot  # noqa: PLC0415
+
+        check_plot(plot, overwrite=overwrite)
+    points = (*printed_points(), *_followed(gcc_points(scenes, seed), scenes * len(PARTS), "rendering"))
+    if plot is not None:
+        from circlepose.studies.plot import plot_gcc  # noqa: PLC0415
+
+        plot_gcc(points, plot, overwrite=overwrite)
+    write_sheet(gcc_sheet(gcc_rows(points), seed), output_format, output, overwrite=overwrite)
+
+
+def _followed(rows: Iterable[T], total: int, doing: str) -> Iterator[T]:
+    """Yield the `rows`, with a bar meanwhile where standard error is a terminal."""
     if not sys.stderr.isatty():
         yield from rows
         return
     from rich.console import Console  # noqa: PLC0415
     from rich.progress import track  # noqa: PLC0415
 
-    from circlepose.studies.published import NOISE  # noqa: PLC0415
-
-    yield from track(
-        rows,
-        "perturbing",
-        total=len(readings()) * len(NOISE),
-        console=Console(stderr=True),
-        transient=True,
-    )
+    yield from track(rows, doing, total=total, console=Console(stderr=True), transient=True)
