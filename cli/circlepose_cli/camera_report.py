@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -16,9 +16,7 @@ from circlepose.files.names import printable
 
 SCHEMA = "circlepose.camera/1"
 CONVENTION = "an integer pixel coordinate is a pixel's centre; (0, 0) is the centre of the top left pixel"
-_FAR_OFF = 0.1
-"""Offset of the principal point, as a share of the image's size, that is rarely right."""
-_UNEQUAL = 0.05
+REFUSED = " (estimate refuses it without --force-calib)"
 _CORNERS = ("top left", "top right", "bottom left", "bottom right")
 
 
@@ -63,7 +61,7 @@ def describe(camera_file: CameraFile) -> CameraReport:
     principal_point = matrix[:2, 2]
     offset = None if size is None else principal_point - (np.array(size) - 1.0) / 2.0
     shifts = () if size is None else tuple(_corner_shifts(camera, size))
-    report = CameraReport(
+    return CameraReport(
         file=str(camera_file.path),
         form=camera_file.form,
         model=camera.model,
@@ -77,9 +75,8 @@ def describe(camera_file: CameraFile) -> CameraReport:
         field_of_view_deg=None if size is None else _field_of_view(camera, size),
         corner_shifts=shifts,
         notes=camera_file.notes,
-        warnings=(),
+        warnings=tuple(f"{doubt.text}{REFUSED if doubt.is_grave else ''}" for doubt in camera_file.doubts),
     )
-    return replace(report, warnings=tuple(_warnings(report)))
 
 
 def _field_of_view(camera: Camera, size: tuple[int, int]) -> dict[str, float | None]:
@@ -117,23 +114,6 @@ def _corner_shifts(camera: Camera, size: tuple[int, int]) -> Iterator[CornerShif
     shifts = np.where(outwards, length, -length)
     for corner, angle, shift in zip(_CORNERS, angles.tolist(), shifts.tolist(), strict=True):
         yield CornerShift(corner, _finite(angle), _finite(shift))
-
-
-def _warnings(report: CameraReport) -> Iterator[str]:
-    fx, fy = report.focal_lengths_px
-    if abs(fx - fy) > _UNEQUAL * min(fx, fy):
-        percent = 100.0 * abs(fx - fy) / min(fx, fy)
-        yield f"fx and fy differ by {percent:.1f} %; few cameras have pixels that are not square"
-    if report.image_size_px is None or report.principal_point_offset_px is None:
-        yield "the image size is unknown; images of another size than the calibration's cannot be refused"
-        return
-    shares = [abs(o) / s for o, s in zip(report.principal_point_offset_px, report.image_size_px, strict=True)]
-    if max(shares) > _FAR_OFF:
-        yield f"the principal point is {100.0 * max(shares):.0f} % of the image's size away from its centre"
-    lost = [shift.corner for shift in report.corner_shifts if shift.off_axis_deg is None]
-    if lost:
-        where = ", ".join(lost)
-        yield f"the distortion cannot be inverted in the image's corners ({where}); nothing can be measured there"
 
 
 def report_record(report: CameraReport) -> dict[str, Any]:

@@ -46,6 +46,7 @@ class Request:
     refine: bool
     extraction: ExtractionChoice
     scale_calibration: bool
+    force_calibration: bool
     output_format: FormatChoice | None
     layout: LayoutChoice
     reference: Path | None
@@ -71,6 +72,7 @@ def run(request: Request) -> int:
         target_file=request.target_file,
         radius_mm=request.radius_mm,
         overrides=request.overrides,
+        force_calibration=request.force_calibration,
         tell=lambda folder, setup: _tell_setup(reporter, folder, setup),
     )
     reference = _reference(request)
@@ -80,7 +82,11 @@ def run(request: Request) -> int:
     overlays = None if request.overlay is None else OverlayNames(request.overlay, images if total else ())
     items = _work_items(images, setups, overlays)
     options = MeasureOptions(
-        request.method.value, request.refine, request.scale_calibration, request.extraction.value
+        request.method.value,
+        request.refine,
+        request.scale_calibration,
+        request.extraction.value,
+        request.force_calibration,
     )
     to_terminal = output is None and sys.stdout.isatty()
     output_format = choose_format(request.output_format, output, to_terminal=to_terminal)
@@ -161,6 +167,6 @@ def _work_items(images: Iterable[InputImage], setups: Setups, overlays: OverlayN
 
 
 def _tell_setup(reporter: Reporter, folder: Place, setup: Setup) -> None:
-    for note in setup.camera_file.notes:
-        reporter.note(f"{setup.camera_file.path}: {note}.")
+    for note in setup.notes:
+        reporter.note(note)
     reporter.detail(f"{folder}: camera {setup.camera_file.path}, target {setup.target_origin}")
