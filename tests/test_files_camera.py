@@ -410,7 +410,7 @@ def test_lists_under_opencvs_names_are_read_too() -> None:
         (OWN.replace(b"cx: 639.5", b"cx: 1279.5").replace(b"cy: 479.5", b"cy: 959.5"), "fx", "about 2560 x 1920 px"),
         (OWN.replace(b"cx: 639.5", b"cx: 0").replace(b"cy: 479.5", b"cy: 0"), "fx", "looks left at 0"),
         (cv_yaml().replace(b"1200", b"8."), "Camera_Matrix|camera_matrix", "in mm"),
-        (kalibr_yaml().replace(b"1200", b"8").replace(b"1210", b"8"), "intrinsics", "in mm"),
+        (kalibr_yaml().replace(b"1200", b"8").replace(b"1210", b"8"), "cam0.intrinsics", "in mm"),
     ],
 )
 def test_what_no_camera_has_is_refused_with_file_key_and_what_it_looks_like(
@@ -420,6 +420,13 @@ def test_what_no_camera_has_is_refused_with_file_key_and_what_it_looks_like(
     assert file.doubts[0].is_grave
     with pytest.raises(CalibrationError, match=rf"^<bytes>: ({key}): .*{says}.*--force-calib\.$"):
         file.refuse_grave()
+
+
+def test_of_several_cameras_the_refused_one_is_named() -> None:
+    chain = kalibr_yaml() + kalibr_yaml().replace(b"cam0", b"cam1").replace(b"1200", b"8").replace(b"1210", b"8")
+    read_camera_file(chain).refuse_grave()
+    with pytest.raises(CalibrationError, match=r"^<bytes>: cam1\.intrinsics: a focal length of 8 px"):
+        read_camera_file(chain, "cam1").refuse_grave()
 
 
 def test_a_usual_calibration_has_no_doubts() -> None:

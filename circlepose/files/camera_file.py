@@ -45,7 +45,9 @@ _KEYS = {
     "camera_matrix": re.compile(r"(?:camera|intrinsic)?matrix.*|intrinsics?|mtx|[km][0-9]?|fx"),
     "dist_coeffs": re.compile(r"dist(?:ortion)?coeff?(?:icient)?s?.*|d[0-9]?"),
 }
-_REPROJECTION_ERROR = re.compile(r"(?:avg|mean|rms|total)?(?:reproj(?:ection)?)?(?:err(?:or)?|rms)(?:px|pixels)?|rms")
+_REPROJECTION_ERROR = re.compile(
+    r"(?:avg|mean|rms|total)?reproj(?:ection)?(?:err(?:or)?|rms)(?:px)?|rms(?:err(?:or)?)?(?:px)?|avgerr(?:or)?"
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -99,7 +101,7 @@ def read_camera_file(source: Source, camera_name: str | None = None) -> CameraFi
         raise CalibrationError(f"{name}: target: expected a mapping such as {{radius_mm: 60}}, got {shown(target)}.")
     form = _form(entries, name, is_opencv)
     camera, notes = form.read(entries, name, camera_name)
-    found = sorted(_doubts(camera, entries), key=lambda doubt: not doubt.is_grave)
+    found = sorted(_doubts(camera, entries, camera_name), key=lambda doubt: not doubt.is_grave)
     return CameraFile(camera, form.name, Path(name), target, notes, tuple(found))
 
 
@@ -136,17 +138,25 @@ def _form(entries: _Entries, name: str, is_opencv: bool) -> _Form:
     )
 
 
-def _doubts(camera: Camera, entries: _Entries) -> Iterator[Doubt]:
+def _doubts(camera: Camera, entries: _Entries, camera_name: str | None) -> Iterator[Doubt]:
     """Yield what looks wrong, under the keys that the file has for it."""
     for key, value in entries.items():
         if isinstance(value, int | float) and _REPROJECTION_ERROR.fullmatch(_plain(key)):
             yield from (replace(doubt, about=key) for doubt in reprojection_doubts(float(value), camera))
-    inner = [value for value in entries.values() if isinstance(value, Mapping)]
-    keys = [key for group in (entries, *inner) for key in group]
     for doubt in doubts(camera):
-        pattern = _KEYS.get(doubt.about)
-        own = next((key for key in keys if pattern and pattern.fullmatch(_plain(str(key)))), doubt.about)
-        yield replace(doubt, about=own)
+        yield replace(doubt, about=_own_key(entries, doubt.about, camera_name))
+
+
+def _own_key(entries: _Entries, about: str, camera_name: str | None) -> str:
+    """Return how the file calls a value, of several cameras that of the one which was asked for."""
+    pattern = _KEYS.get(about)
+    if pattern is None:
+        return about
+    inner = [(group, key) for group, value in entries.items() if isinstance(value, Mapping) for key in value]
+    keys = [key for key in entries if pattern.fullmatch(_plain(key))]
+    keys += [f"{group}.{key}" for group, key in inner if pattern.fullmatch(_plain(str(key)))]
+    asked = [key for key in keys if camera_name is not None and camera_name.lower() in key.lower()]
+    return next(iter((*asked, *keys)), about)
 
 
 def _plain(key: str) -> str:
