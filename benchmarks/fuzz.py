@@ -20,6 +20,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
 
+from circlepose.files.image_bytes import JPEG_2000_VARIABLE
 from fuzz_formats import Format, formats
 from mutations import generator
 
@@ -92,6 +93,8 @@ def _in_process(cases: Sequence[Case], source: str, hang_s: float) -> Iterator[t
 def _read_all(cases: Sequence[Case], source: str, results: Connection) -> None:
     """Read `cases` in this process, whose standard error nobody else writes to."""
     _limit_memory()
+    # Its decoder has to hold, too, where it is asked for.
+    os.environ[JPEG_2000_VARIABLE] = "1"
     known = importlib.import_module(source).formats()
     warnings.simplefilter("always")
     with tempfile.TemporaryFile() as printed:

@@ -68,6 +68,7 @@ def explain(
     refine: bool = True,
     extraction: str = EXTRACTIONS[0],
     scale_calibration: bool = False,
+    force_calibration: bool = False,
     name: str = "",
 ) -> Explanation:
     """Measure one image as `circlepose.estimate` does, and look at each stage again.
@@ -82,6 +83,7 @@ def explain(
         refine=refine,
         extraction=extraction,
         scale_calibration=scale_calibration,
+        force_calibration=force_calibration,
         name=name,
     )
     if result.status is Status.SIZE_MISMATCH:

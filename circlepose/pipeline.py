@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from circlepose._typing import Image
 from circlepose.camera import Camera
+from circlepose.camera_doubts import misfit
 from circlepose.errors import ArgumentError
 from circlepose.extraction import EXTRACTIONS
 from circlepose.extraction.contour import Contour, Rejection
@@ -15,6 +16,7 @@ from circlepose.extraction.find import find_contours
 from circlepose.extraction.grey import to_grey
 from circlepose.extraction.intervals import axis_intervals
 from circlepose.hinted import settled_by_hints
+from circlepose.image_fit import size_mismatch
 from circlepose.measure import Rim, fit_rims
 from circlepose.pose import CircleResult, Flag, ImageResult, Status
 from circlepose.refinement import refined
@@ -39,6 +41,7 @@ def estimate(
     refine: bool = True,
     extraction: str = EXTRACTIONS[0],
     scale_calibration: bool = False,
+    force_calibration: bool = False,
     name: str = "",
 ) -> ImageResult:
     """Find the targets in one image and estimate their poses.
@@ -50,7 +53,11 @@ def estimate(
         not turned by EXIF.
     camera
         Its calibration. An image of another size than the calibration's gets the status `size_mismatch`
-        unless `scale_calibration` says that it was resized.
+        unless `scale_calibration` says that it was resized, which has to show in its proportions. The same status
+        has an image that no camera of these numbers can have taken; see `circlepose.camera_doubts`.
+    force_calibration
+        Measure with the calibration although it looks wrong: only a size that differs is refused then, unless
+        `scale_calibration` scales each axis to it.
     target
         What to look for, and how many.
     method
@@ -80,9 +87,10 @@ def estimate(
         raise ArgumentError(f"extraction: expected one of {', '.join(EXTRACTIONS)}, got {extraction!r}.")
     grey = to_grey(image)
     size = (int(grey.shape[1]), int(grey.shape[0]))
-    if camera.image_size is not None and camera.image_size != size:
-        if not scale_calibration:
-            return ImageResult(name, Status.SIZE_MISMATCH, _size_mismatch(size, camera.image_size), image_size=size)
+    unfit = _unfit(camera, size, scaled=scale_calibration, forced=force_calibration)
+    if unfit is not None:
+        return ImageResult(name, Status.SIZE_MISMATCH, unfit, image_size=size)
+    if camera.image_size not in (None, size):
         camera = camera.scaled_to(size)
     intervals = axis_intervals(target, camera, size)
     lone = target.kind == "circle"
@@ -208,8 +216,12 @@ def _why_none(rejected: Counter[Rejection]) -> str:
     return "no contour is the target's image"
 
 
-def _size_mismatch(size: tuple[int, int], expected: tuple[int, int]) -> str:
-    return (
-        f"the image is {size[0]} x {size[1]} px, the calibration holds for {expected[0]} x {expected[1]}; "
-        "use the right calibration, or --scale-calib if the image was resized"
-    )
+def _unfit(camera: Camera, size: tuple[int, int], *, scaled: bool, forced: bool) -> str | None:
+    """Return why `camera` is not to be used for an image of `size`, or None."""
+    insist = "; to measure it all the same: --force-calib"
+    if camera.image_size is not None and not (scaled and forced):
+        mismatch = size_mismatch(size, camera.image_size, scaled=scaled)
+        if mismatch is not None:
+            return mismatch + (insist if scaled else "")
+    reason = None if forced else misfit(camera, size)
+    return None if reason is None else reason + insist

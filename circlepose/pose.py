@@ -19,6 +19,7 @@ class Status(StrEnum):
     NOT_AN_IMAGE = "not_an_image"
     TRUNCATED_IMAGE = "truncated_image"
     TOO_LARGE = "too_large"
+    NOT_ALLOWED = "not_allowed"
     SIZE_MISMATCH = "size_mismatch"
     NO_CIRCLE = "no_circle"
     TOO_FEW_CIRCLES = "too_few_circles"
@@ -38,7 +39,8 @@ STATUS_MEANING: Mapping[Status, str] = {
     Status.NOT_AN_IMAGE: "the file is no image of a known format",
     Status.TRUNCATED_IMAGE: "the image file ends early",
     Status.TOO_LARGE: "the image has more pixels, by its header, or bytes than are read",
-    Status.SIZE_MISMATCH: "the image's size is not the calibration's",
+    Status.NOT_ALLOWED: "the image's format is read only where the environment allows it",
+    Status.SIZE_MISMATCH: "the image's size does not fit the calibration",
     Status.NO_CIRCLE: "nothing in the image is the image of the target",
     Status.TOO_FEW_CIRCLES: "fewer targets were found than were asked for; this row stands for those missing",
     Status.NO_POSE: "the contour was found but has no pose by this method",

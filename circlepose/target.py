@@ -13,6 +13,9 @@ Kind = Literal["circle", "coplanar", "coaxial"]
 Polarity = Literal["any", "dark", "bright"]
 KINDS: tuple[Kind, ...] = ("circle", "coplanar", "coaxial")
 POLARITIES: tuple[Polarity, ...] = ("any", "dark", "bright")
+MAX_RADII = 16
+"""Rings of a target. Each is looked for at each place where one may be and fitted with all others, so that the time
+grows faster than the square of their number (16 take some seconds, 50 a minute). Printed targets have 2 to 8."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,6 +154,10 @@ class Target:
         enough = {"circle": number == 1, "coplanar": number >= 2, "coaxial": number == 2}[self.kind]
         if not enough:
             raise TargetError(f"{key}: a target of kind {self.kind} has {wanted}, got {number}.")
+        if number > MAX_RADII:
+            raise TargetError(
+                f"{key}: a target has at most {MAX_RADII} radii, got {number}; leave out the least visible ones."
+            )
         if any(a <= b for a, b in zip(self.radii_mm, self.radii_mm[1:], strict=False)):
             order = ", ".join(f"{r:g}" for r in self.radii_mm)
             raise TargetError(

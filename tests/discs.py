@@ -48,6 +48,14 @@ def disc_folder(folder: Path, images: int = 2) -> Path:
     return folder
 
 
+def found_notes(folder: Path) -> str:
+    """What is said of the files in the folder that set the scale of its results."""
+    return (
+        f"{folder}/camera.yaml: found beside the images and used as calibration\n"
+        f"{folder}/target.yaml: found beside the images and used as target, radius_mm {RADIUS_MM:g}\n"
+    )
+
+
 def made_circle(
     instance: int = 0,
     center: np.ndarray = CENTER_MM,

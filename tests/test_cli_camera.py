@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from circlepose.camera import Camera
+from circlepose.camera_doubts import doubts
 from circlepose.files.camera_file import CameraFile, write_camera
 from circlepose_cli.app import main
 from circlepose_cli.camera_report import describe, report_record, report_text
@@ -14,7 +15,7 @@ from discs import CAMERA_YAML
 
 def report_on(matrix, coefficients=(), size=(640, 480), model="pinhole", notes=()):
     camera = Camera.create(matrix, coefficients, size, model)
-    return describe(CameraFile(camera, "circlepose", "cam.yaml", None, notes))
+    return describe(CameraFile(camera, "circlepose", "cam.yaml", None, notes, doubts(camera)))
 
 
 SQUARE = [[500.0, 0.0, 319.5], [0.0, 500.0, 239.5], [0.0, 0.0, 1.0]]
@@ -57,9 +58,12 @@ def test_a_fisheye_that_sees_more_than_half_a_turn():
     ("report", "warning"),
     [
         (report_on([[500, 0, 319.5], [0, 530, 239.5], [0, 0, 1]]), "fx and fy differ by 6.0 %"),
-        (report_on([[500, 0, 400], [0, 500, 239.5], [0, 0, 1]]), "principal point is 13 %"),
-        (report_on(SQUARE, size=None), "image size is unknown"),
-        (report_on(SQUARE, [-0.6, 0.0, 0.0, 0.0]), "cannot be inverted"),
+        (report_on([[500, 0, 400], [0, 500, 239.5], [0, 0, 1]]), "principal point (400, 239.5) px is 13 %"),
+        (report_on(SQUARE, size=None), "image size is not given"),
+        (report_on([[8, 0, 319.5], [0, 8, 239.5], [0, 0, 1]]), "focal length in mm"),
+        (report_on([[8, 0, 319.5], [0, 8, 239.5], [0, 0, 1]]), "estimate refuses it without --force-calib"),
+        (report_on(SQUARE, [-0.5, 0.0, 0.0, 0.0]), "cannot be inverted"),
+        (report_on(SQUARE, [-2.0, 0.0, 0.0, 0.0]), "folds inside the image"),
     ],
 )
 def test_what_looks_wrong_is_told(report, warning):

@@ -223,7 +223,7 @@ def test_update_keeps_the_form_of_the_baseline(run, tmp_path, baseline):
         (["poses.csv"], "--against"),
         (["gone.csv", "--against", "poses.csv"], "gone.csv: there is no such file; check the path."),
         (["poses.csv", "--against", "gone.csv"], "gone.csv: there is no such file; check the path."),
-        (["poses.csv", "--against", "folder"], "folder: is a folder; give the table in it."),
+        (["poses.csv", "--against", "folder"], "folder: is a folder; give the file in it."),
         (["folder/..", "--against", "poses.csv"], "is a folder"),
         (["empty.csv", "--against", "poses.csv"], "empty.csv: is empty"),
         (["poses.csv", "--against", "cut.csv"], "cut.csv: has no column normal_z; expected a table in the layout"),

@@ -18,7 +18,7 @@ from circlepose.target_hints import SIDES
 from circlepose_cli import options, overrides
 from circlepose_cli.app import main
 from circlepose_cli.overlay_names import OverlayNames
-from discs import CAMERA_YAML, CENTER_MM, RADIUS_MM, disc_folder, write_disc
+from discs import CAMERA_YAML, CENTER_MM, RADIUS_MM, disc_folder, found_notes, write_disc
 from processes import SETTLE
 
 
@@ -62,7 +62,7 @@ def test_a_folder_is_measured_without_an_option(run, folder):
     ]
     found = [[float(row[f"center_{axis}_mm"]) for axis in "xyz"] for row in rows]
     assert min(np.linalg.norm(np.array(found) - CENTER_MM, axis=1)) < 1.0
-    assert err == f"2 measured, 0 failed, 2 ambiguous: {SETTLE}\n"
+    assert err == f"{found_notes(folder)}2 measured, 0 failed, 2 ambiguous: {SETTLE}\n"
 
 
 def test_an_image_that_fails_is_a_row_a_message_and_code_3(run, folder):
@@ -70,7 +70,7 @@ def test_an_image_that_fails_is_a_row_a_message_and_code_3(run, folder):
     code, out, err = run("estimate", folder)
     assert code == 3
     assert rows_of(out)[-1]["status"] == Status.NOT_AN_IMAGE
-    assert err.splitlines() == [
+    assert err.removeprefix(found_notes(folder)).splitlines() == [
         "disc10.png: is no image of a known format",
         f"2 measured, 1 failed (not_an_image 1), 2 ambiguous: {SETTLE}",
     ]
@@ -320,10 +320,8 @@ def test_what_is_left_is_resumed_and_then_nothing_is_left(run, folder, tmp_path,
     assert journal.exists()
     code, _, err = run("estimate", folder, "-o", file, "--resume", "--no-refine")
     assert (code, "refine was True and is False" in err) == (2, True)
-    assert run("estimate", folder, "-o", file, "--resume")[::2] == (
-        0,
-        f"2 measured, 0 failed, 2 ambiguous: {SETTLE}\n",
-    )
+    code, _, err = run("estimate", folder, "-o", file, "--resume")
+    assert (code, err) == (0, f"{found_notes(folder)}2 measured, 0 failed, 2 ambiguous: {SETTLE}\n")
     assert measured == ["disc0.png", "disc1.png", "disc1.png"]
     assert file.read_bytes() == whole.read_bytes()
     assert not journal.exists()

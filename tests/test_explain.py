@@ -24,7 +24,7 @@ from circlepose.synthesis.render import render
 from circlepose.target import Target
 from circlepose_cli.app import main
 from circlepose_cli.explain_report import report_record, report_text
-from discs import CAMERA, CENTER_MM, NORMAL, RADIUS_MM, disc_folder, disc_image
+from discs import CAMERA, CENTER_MM, NORMAL, RADIUS_MM, disc_folder, disc_image, found_notes
 
 TARGET = Target.circle(RADIUS_MM)
 
@@ -269,7 +269,7 @@ def test_the_command_prints_the_stages_and_writes_the_picture(capsys, tmp_path):
     picture = tmp_path / "seen.png"
     assert main(["explain", str(folder / "disc0.png"), "--picture", str(picture), "--camera-sigma", "2,1"]) == 0
     printed = capsys.readouterr()
-    assert printed.err == ""
+    assert printed.err == found_notes(folder)
     for words in ("contours    1 worth a pose", "edges  ", "blur 0.", "left out    ", "pose 1 ", "mostly the camera"):
         assert words in printed.out
     assert cv2.imread(str(picture)).shape[1] > 1000

@@ -15,6 +15,7 @@ import pytest
 
 from circlepose.errors import ImageError
 from circlepose.files.decoder_messages import decoders_quiet
+from circlepose.files.image_bytes import JPEG_2000_VARIABLE
 from circlepose.files.images import decode_image, read_image
 
 IMAGE = cv2.GaussianBlur(np.random.default_rng(5).integers(0, 255, (60, 90, 3), np.uint8), (0, 0), 2.0)
@@ -144,6 +145,11 @@ def flipped(content: bytes, position: int, bit: int) -> bytes:
     changed = bytearray(content)
     changed[position] ^= 1 << bit
     return bytes(changed)
+
+
+@pytest.fixture(autouse=True)
+def _jpeg_2000_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(JPEG_2000_VARIABLE, "1")
 
 
 @pytest.mark.parametrize("suffix", [".png", ".jpg", ".bmp", ".tif", ".webp", ".ppm", ".jp2"])

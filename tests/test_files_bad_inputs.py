@@ -7,7 +7,10 @@ import glob
 import io
 import json
 import os
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -85,28 +88,68 @@ def relative(tree: Path, parts: list[str]) -> set[str]:
 
 def test_a_folder_of_a_hundred_thousand_images(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     count = 100_000
-    found = sorted(f"img{number}.png" for number in range(count))
-    monkeypatch.setattr(inputs.os, "walk", lambda *_, **__: iter([(str(tmp_path), [], found)]))
+    found = sorted(f"{tmp_path}/img{number}.png" for number in range(count))
+    monkeypatch.setattr(inputs, "_walk", lambda *_: iter([(found, [])]))
     assert names(str(tmp_path)) == [f"img{number}.png" for number in range(count)]
 
 
 def test_a_hint_does_not_look_through_everything(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     (tmp_path / "sub").mkdir()
-    walk, looked = os.walk, []
+    walk, looked = inputs._walk, []
 
-    def counted(folder: str, **options: object):
-        for each in walk(tmp_path, **options) if folder == str(tmp_path) else endless():
+    def counted(folder: str, refused: Any) -> Iterator[tuple[list[str], list[str]]]:
+        for each in walk(folder, refused) if folder == str(tmp_path) else endless():
             looked.append(each)
             yield each
 
-    def endless():
+    def endless() -> Iterator[tuple[list[str], list[str]]]:
         while True:
-            yield "x", [], ["a.txt"]
+            yield ["a.txt"], []
 
-    monkeypatch.setattr(inputs.os, "walk", counted)
+    monkeypatch.setattr(inputs, "_walk", counted)
     with pytest.raises(UsageError, match="is an empty folder"):
         names(str(tmp_path))
-    assert len(looked) < 100
+    assert 1 < len(looked) < 100
+
+
+@contextmanager
+def nested(names_: Sequence[str]) -> Iterator[None]:
+    """Folders in one another in the working one, an image in the last; nothing is left of them."""
+    # One by one, as their whole path may be longer than the system takes.
+    place = Path.cwd()
+    for name in names_:
+        os.mkdir(name)  # noqa: PTH102
+        os.chdir(name)
+    Path("a.png").touch()
+    os.chdir(place)
+    try:
+        yield
+    finally:
+        for name in names_:
+            os.chdir(name)
+        Path("a.png").unlink()
+        for name in reversed(names_):
+            os.chdir("..")
+            os.rmdir(name)  # noqa: PTH106
+
+
+@POSIX
+@pytest.mark.parametrize("typed", ["deep", "deep/**/*.png", "deep/**/**/a.png"])
+def test_folders_deep_in_one_another(tmp_path: Path, typed: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    with nested(["deep", *["d"] * 1200]):
+        found = [image.name for image in expand_inputs([typed], recursive=True)]
+    assert [name.count("d/") for name in found] == [1200]
+
+
+@POSIX
+@pytest.mark.parametrize("typed", [".", "./**/*.png"])
+def test_a_path_longer_than_the_system_takes_is_one_sentence(
+    tmp_path: Path, typed: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with nested(["d" * 200] * 30), pytest.raises(UsageError, match=r"cannot be read \(File name too long\)"):
+        list(expand_inputs([typed], recursive=True))
 
 
 def test_an_image_that_vanishes_after_it_was_listed(tmp_path: Path) -> None:
@@ -196,7 +239,8 @@ def test_a_folder_of_bad_files_under_bad_names(
     out, err = captured.out.decode("utf-8"), captured.err.decode("utf-8")
     assert all(line.isprintable() for line in err.splitlines())
     assert all(line.isprintable() for line in out.splitlines())
-    assert len(err.splitlines()) == len(HOSTILE) + 6
+    # A line for each, the calibration that was found and the sum.
+    assert len(err.splitlines()) == len(HOSTILE) + 7
     assert "Traceback" not in err
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["ok.png"]
     assert {path.name for path in tmp_path.iterdir()} == {"imgs", "out"}

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from circlepose.camera import Camera
+from circlepose.camera_doubts import Doubt
 from circlepose.errors import CalibrationError
 from circlepose.files.camera_file import CameraFile, read_camera, read_camera_file, write_camera
 
@@ -351,10 +352,10 @@ def test_own_form() -> None:
 
 
 def test_own_form_needs_neither_coefficients_nor_size() -> None:
-    file = read_camera_file(b"fx: 1200\nfy: 1200\ncx: 1\ncy: 2\n")
+    file = read_camera_file(b"fx: 1200\nfy: 1200\ncx: 600\ncy: 400\n")
     assert file.camera.dist_coeffs.shape == (0,)
     assert file.camera.image_size is None
-    assert any("image size is not given" in note for note in file.notes)
+    assert ["image size is not given" in doubt.text for doubt in file.doubts] == [True]
 
 
 def test_target_in_the_calibration_is_handed_on() -> None:
@@ -401,10 +402,47 @@ def test_lists_under_opencvs_names_are_read_too() -> None:
     np.testing.assert_array_equal(file.camera.dist_coeffs, D)
 
 
-def test_numbers_that_look_odd_are_remarked_on() -> None:
-    assert any("in mm?" in note for note in read_camera_file(OWN.replace(b"1200", b"31.6")).notes)
-    assert any("principal point" in note for note in read_camera_file(OWN.replace(b"639.5", b"6395")).notes)
-    assert read_camera_file(OWN).notes == ()
+@pytest.mark.parametrize(
+    ("content", "key", "says"),
+    [
+        (OWN.replace(b"1200", b"8").replace(b"1210", b"8"), "fx", "focal length of 8 px in .* looks like .* in mm"),
+        (OWN.replace(b"639.5", b"6395"), "fx", r"principal point \(6395, 479.5\) px is .* looks cropped"),
+        (OWN.replace(b"cx: 639.5", b"cx: 1279.5").replace(b"cy: 479.5", b"cy: 959.5"), "fx", "about 2560 x 1920 px"),
+        (OWN.replace(b"cx: 639.5", b"cx: 0").replace(b"cy: 479.5", b"cy: 0"), "fx", "looks left at 0"),
+        (cv_yaml().replace(b"1200", b"8."), "Camera_Matrix|camera_matrix", "in mm"),
+        (kalibr_yaml().replace(b"1200", b"8").replace(b"1210", b"8"), "cam0.intrinsics", "in mm"),
+    ],
+)
+def test_what_no_camera_has_is_refused_with_file_key_and_what_it_looks_like(
+    content: bytes, key: str, says: str
+) -> None:
+    file = read_camera_file(content)
+    assert file.doubts[0].is_grave
+    with pytest.raises(CalibrationError, match=rf"^<bytes>: ({key}): .*{says}.*--force-calib\.$"):
+        file.refuse_grave()
+
+
+def test_of_several_cameras_the_refused_one_is_named() -> None:
+    chain = kalibr_yaml() + kalibr_yaml().replace(b"cam0", b"cam1").replace(b"1200", b"8").replace(b"1210", b"8")
+    read_camera_file(chain).refuse_grave()
+    with pytest.raises(CalibrationError, match=r"^<bytes>: cam1\.intrinsics: a focal length of 8 px"):
+        read_camera_file(chain, "cam1").refuse_grave()
+
+
+def test_a_usual_calibration_has_no_doubts() -> None:
+    assert read_camera_file(OWN).doubts == ()
+    read_camera_file(OWN).refuse_grave()
+
+
+@pytest.mark.parametrize("key", ["avg_reprojection_error", "Avg_Reprojection_Error", "rms", "reprojection_error"])
+def test_a_calibration_whose_own_error_says_that_it_failed_is_refused(key: str) -> None:
+    def doubts(rms_px: float) -> tuple[Doubt, ...]:
+        return read_camera_file(cv_yaml() + f"{key}: {rms_px}\n".encode()).doubts
+
+    assert doubts(0.3) == ()
+    assert [(doubt.about, doubt.is_grave) for doubt in doubts(1.5)] == [(key, False)]
+    with pytest.raises(CalibrationError, match=f"{key}: a reprojection error of 9.5 px .*did not succeed"):
+        read_camera_file(cv_yaml() + f"{key}: 9.5\n".encode()).refuse_grave()
 
 
 # --- Real files and writing ---

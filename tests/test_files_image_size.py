@@ -9,7 +9,7 @@ import pytest
 
 from circlepose.errors import ImageError
 from circlepose.files import image_size
-from circlepose.files.image_bytes import known_format
+from circlepose.files.image_bytes import JPEG_2000_VARIABLE, known_format
 from circlepose.files.image_size import MAX_PIXELS, PIXELS_VARIABLE, stated_size
 from circlepose.files.images import decode_image
 
@@ -50,6 +50,11 @@ ENCODINGS = {
     "pam": encoded(".pam"),
     "jp2": encoded(".jp2"),
 }
+
+
+@pytest.fixture(autouse=True)
+def _jpeg_2000_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(JPEG_2000_VARIABLE, "1")
 
 
 @pytest.mark.parametrize("name", ENCODINGS)
@@ -145,3 +150,51 @@ def test_the_limit_is_opencvs_own_variable(monkeypatch: pytest.MonkeyPatch) -> N
         decode_image(ENCODINGS["png"], "a")
     monkeypatch.setenv(PIXELS_VARIABLE, "many")
     assert image_size.max_pixels() == MAX_PIXELS
+
+
+def with_scans(number: int, width: int, height: int) -> bytes:
+    """Return a progressive JPEG of that size by its header, whose last scan is there so many times."""
+    content = enlarged("jpeg progressive", width, height)
+    last, end = content.rindex(b"\xff\xda"), content.rindex(b"\xff\xd9")
+    already = content.count(b"\xff\xda")
+    return content[:end] + content[last:end] * (number - already) + content[end:]
+
+
+def test_scans_times_pixels_are_bounded_before_anything_is_decoded(monkeypatch: pytest.MonkeyPatch) -> None:
+    most = image_size.SCANS_OF_LARGEST
+    # Ten scans, as encoders write them, over a hundred million pixels.
+    assert image_size.too_many_scans(with_scans(10, 10_000, 10_000), "JPEG", (10_000, 10_000)) is None
+    assert image_size.too_many_scans(with_scans(1000, 1000, 1000), "JPEG", (1000, 1000)) is None
+    monkeypatch.setattr(cv2, "imdecode", None)
+    slow = with_scans(most + 6, 16_384, 16_384)
+    assert len(slow) < 20_000
+    with pytest.raises(
+        ImageError, match=rf"has more than {most} scans, too many for an image of 16384 x 16384 px"
+    ) as e:
+        decode_image(slow, "a")
+    assert e.value.status == "too_large"
+
+
+def test_scans_are_counted_where_the_decoder_finds_them() -> None:
+    size = (16_384, 16_384)
+    most = image_size.SCANS_OF_LARGEST
+    baseline = enlarged("jpeg", *size)
+    # A remark, such as a thumbnail, is no scan; nor is what follows the end.
+    remark = b"\xff\xfe" + struct.pack(">H", 2 + 200) + b"\xff\xda" * 100
+    assert image_size.too_many_scans(baseline[:2] + remark + baseline[2:], "JPEG", size) is None
+    assert image_size.too_many_scans(baseline, "JPEG", size) is None
+    assert image_size.too_many_scans(with_scans(most + 6, *size), "JPEG", size)
+
+
+def test_jpeg_2000_is_decoded_only_where_it_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(JPEG_2000_VARIABLE, "1")
+    assert decode_image(ENCODINGS["jp2"], "a").shape[:2] == (HEIGHT, WIDTH)
+    monkeypatch.setattr(cv2, "imdecode", None)
+    for value in ("", "0", "yes", None):
+        if value is None:
+            monkeypatch.delenv(JPEG_2000_VARIABLE)
+        else:
+            monkeypatch.setenv(JPEG_2000_VARIABLE, value)
+        with pytest.raises(ImageError, match=f"is a JPEG 2000 image.*{JPEG_2000_VARIABLE}=1") as caught:
+            decode_image(ENCODINGS["jp2"], "a")
+        assert caught.value.status == "not_allowed"

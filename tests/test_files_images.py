@@ -14,7 +14,7 @@ import pytest
 
 from circlepose._typing import Image
 from circlepose.errors import ImageError, OutputError
-from circlepose.files.image_bytes import is_image_name
+from circlepose.files.image_bytes import JPEG_2000_VARIABLE, is_image_name
 from circlepose.files.images import IMAGE_SUFFIXES, read_image, write_image
 
 HEIGHT, WIDTH = 60, 90
@@ -121,6 +121,11 @@ def test_float_images_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ImageError, match="float32; expected 8- or 16-bit") as caught:
         read_image(tmp_path / "a.tif")
     assert caught.value.status == "not_an_image"
+
+
+@pytest.fixture(autouse=True)
+def _jpeg_2000_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(JPEG_2000_VARIABLE, "1")
 
 
 @pytest.mark.parametrize("suffix", [".png", ".jpg", ".bmp", ".tif", ".webp", ".ppm", ".jp2"])

@@ -157,6 +157,63 @@ def test_more_values_than_anyone_means(monkeypatch: pytest.MonkeyPatch) -> None:
         parse(f"a: [{'1,' * 100}]\n")
 
 
+CORE_TAGS = ("null", "bool", "int", "float", "str", "seq", "map")
+OTHER_TAGS = (
+    "timestamp",
+    "binary",
+    "set",
+    "omap",
+    "pairs",
+    "merge",
+    "value",
+    "yaml",
+    "opencv-matrix",
+    "opencv-nd-matrix",
+)
+VALUES = st.one_of(
+    st.sampled_from(
+        ["abc", "maybe", "1", "1e400", "''", "~", "true", "2024-01-01", "[]", "{}", "[1, 2]", "[[1, 2]]"]
+    ),
+    st.sampled_from(
+        ["[{a: 1}]", "{a: 1}", "{a: , b: }", "{? [1] : 2}", "[a: 1, a: 2]", "{rows: 1, cols: 1}", "*a", "<<"]
+    ),
+    st.text("abc 01:.-+e", max_size=6),
+)
+
+
+@given(st.sampled_from([*CORE_TAGS, *OTHER_TAGS]), VALUES, st.sampled_from(["{v}", "a: {v}", "a: [{v}]", "{v}: 1"]))
+def test_a_tag_before_a_value_of_another_kind_is_one_sentence(tag: str, value: str, form: str) -> None:
+    text = form.format(v=f"!!{tag} {value}")
+    try:
+        parse(text)
+    except CalibrationError as error:
+        message = str(error)
+        assert message.startswith("f.yaml")
+        assert "\n" not in message
+
+
+@pytest.mark.parametrize("value", ['!!timestamp "abc"', '!!bool "maybe"', "!!set [1, 2]", "!!int [1]", "!!map [1]"])
+def test_a_tag_that_does_not_fit_is_refused_with_its_line(value: str) -> None:
+    with pytest.raises(CalibrationError, match=r"^f\.yaml, line 2: is not valid YAML \("):
+        parse(f"a: 1\nb: {value}\n")
+
+
+def test_the_tags_of_the_core_say_what_a_value_is() -> None:
+    text = 'a: !!str 1\nb: !!int "2"\nc: !!float "3"\nd: !!bool "true"\ne: !!null ""\nf: !!seq [1]\ng: !!map {h: 1}\n'
+    assert parse(text) == {"a": "1", "b": 2, "c": 3.0, "d": True, "e": None, "f": [1], "g": {"h": 1}}
+
+
+def test_values_are_bounded_by_what_the_parser_at_hand_can_read_soon() -> None:
+    # PyYAML's own parser takes half a minute for 150 000.
+    assert issubclass(yaml_text._Loader, yaml_text._PlainParser) is (yaml_text.MAX_VALUES < 100_000)
+
+
+def test_a_text_longer_than_the_parser_reads_soon_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(yaml_text, "MAX_CHARACTERS", 100)
+    with pytest.raises(CalibrationError, match="has more than 100 characters"):
+        parse(f"a: 1\n#{'x' * 100}")
+
+
 def test_messages_quote_no_bomb() -> None:
     for key in ("target", "camera_model", "distortion_model", "camera_matrix", "cam0", "camera_name", "binning_x"):
         content = f"{alias_bomb(4)}cam1: {{intrinsics: [1], camera_model: *a3}}\n{key}: *a3\nK: [1]\n"

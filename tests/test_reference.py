@@ -116,7 +116,7 @@ def test_the_generatrix_of_the_reference_needs_both_circles():
 def test_what_is_no_reference_is_refused(tmp_path):
     with pytest.raises(UsageError, match="there is no such file"):
         read_reference(tmp_path / "gone.csv")
-    with pytest.raises(UsageError, match="cannot be opened"):
+    with pytest.raises(UsageError, match="is a folder"):
         read_reference(tmp_path)
     (tmp_path / "a.csv").write_text("image,u,v\na.png,1,2\n")
     with pytest.raises(UsageError, match=r"a\.csv: has no column"):

@@ -60,6 +60,7 @@ class MeasureOptions:
     refine: bool = True
     scale_calibration: bool = False
     extraction: str = "edges"
+    force_calibration: bool = False
 
 
 def measure_file(item: WorkItem, options: MeasureOptions) -> ImageResult:
@@ -97,6 +98,7 @@ def _measure_file(item: WorkItem, options: MeasureOptions) -> ImageResult:
         refine=options.refine,
         extraction=options.extraction,
         scale_calibration=options.scale_calibration,
+        force_calibration=options.force_calibration,
         name=item.name,
     )
     if item.overlay is not None:

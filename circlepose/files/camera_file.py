@@ -6,8 +6,9 @@ All these forms share OpenCV's convention: an integer pixel coordinate is a pixe
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+import re
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,6 +16,7 @@ import numpy as np
 
 from circlepose._typing import FloatArray
 from circlepose.camera import EXACT, Camera
+from circlepose.camera_doubts import Doubt, doubts, reprojection_doubts
 from circlepose.errors import CalibrationError
 from circlepose.files import kalibr_camera, opencv_camera, own_camera, ros_camera
 from circlepose.files.atomic import atomic_writer
@@ -38,6 +40,16 @@ _ROS = _Form(ros_camera.NAME, ros_camera.recognises, ros_camera.read)
 _OWN = _Form(own_camera.NAME, own_camera.recognises, own_camera.read)
 
 
+# As compared: in lower case without separators.
+_KEYS = {
+    "camera_matrix": re.compile(r"(?:camera|intrinsic)?matrix.*|intrinsics?|mtx|[km][0-9]?|fx"),
+    "dist_coeffs": re.compile(r"dist(?:ortion)?coeff?(?:icient)?s?.*|d[0-9]?"),
+}
+_REPROJECTION_ERROR = re.compile(
+    r"(?:avg|mean|rms|total)?reproj(?:ection)?(?:err(?:or)?|rms)(?:px)?|rms(?:err(?:or)?)?(?:px)?|avgerr(?:or)?"
+)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class CameraFile:
     """A camera and where it came from."""
@@ -49,7 +61,17 @@ class CameraFile:
     target: Mapping[str, object] | None = None
     """the file's `target:` as it stands, for `target_file.target_from_mapping`"""
     notes: tuple[str, ...] = ()
-    """remarks for a person: what was chosen, what is missing, what looks odd"""
+    """remarks for a person: what was chosen, what is missing"""
+    doubts: tuple[Doubt, ...] = ()
+    """what looks wrong, the grave first"""
+
+    def refuse_grave(self) -> None:
+        """Raise `CalibrationError` on what no camera has: file, key and what it looks like."""
+        for doubt in self.doubts:
+            if doubt.is_grave:
+                raise CalibrationError(
+                    f"{self.path}: {doubt.about}: {doubt.text}. To measure with it all the same: --force-calib."
+                )
 
 
 def read_camera(source: Source) -> Camera:
@@ -79,7 +101,8 @@ def read_camera_file(source: Source, camera_name: str | None = None) -> CameraFi
         raise CalibrationError(f"{name}: target: expected a mapping such as {{radius_mm: 60}}, got {shown(target)}.")
     form = _form(entries, name, is_opencv)
     camera, notes = form.read(entries, name, camera_name)
-    return CameraFile(camera, form.name, Path(name), target, (*notes, *_doubts(camera)))
+    found = sorted(_doubts(camera, entries, camera_name), key=lambda doubt: not doubt.is_grave)
+    return CameraFile(camera, form.name, Path(name), target, notes, tuple(found))
 
 
 def write_camera(camera: Camera, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
@@ -115,14 +138,26 @@ def _form(entries: _Entries, name: str, is_opencv: bool) -> _Form:
     )
 
 
-def _doubts(camera: Camera) -> tuple[str, ...]:
-    if camera.image_size is None:
-        return ("the image size is not given, so photographs of another size cannot be told",)
-    width, height = camera.image_size
-    (fx, _, cx), (_, fy, cy) = camera.camera_matrix[:2]
-    doubts = []
-    if not (0.0 <= cx < width and 0.0 <= cy < height):
-        doubts.append(f"the principal point ({cx:g}, {cy:g}) px lies outside the image of {width} x {height} px")
-    if min(fx / width, fy / height) < 0.1:
-        doubts.append(f"focal lengths {fx:g} and {fy:g} px are very short for {width} x {height} px; are they in mm?")
-    return tuple(doubts)
+def _doubts(camera: Camera, entries: _Entries, camera_name: str | None) -> Iterator[Doubt]:
+    """Yield what looks wrong, under the keys that the file has for it."""
+    for key, value in entries.items():
+        if isinstance(value, int | float) and _REPROJECTION_ERROR.fullmatch(_plain(key)):
+            yield from (replace(doubt, about=key) for doubt in reprojection_doubts(float(value), camera))
+    for doubt in doubts(camera):
+        yield replace(doubt, about=_own_key(entries, doubt.about, camera_name))
+
+
+def _own_key(entries: _Entries, about: str, camera_name: str | None) -> str:
+    """Return how the file calls a value, of several cameras that of the one which was asked for."""
+    pattern = _KEYS.get(about)
+    if pattern is None:
+        return about
+    inner = [(group, key) for group, value in entries.items() if isinstance(value, Mapping) for key in value]
+    keys = [key for key in entries if pattern.fullmatch(_plain(key))]
+    keys += [f"{group}.{key}" for group, key in inner if pattern.fullmatch(_plain(str(key)))]
+    asked = [key for key in keys if camera_name is not None and camera_name.lower() in key.lower()]
+    return next(iter((*asked, *keys)), about)
+
+
+def _plain(key: str) -> str:
+    return re.sub(r"[\W_]", "", key).lower()

@@ -23,10 +23,8 @@ def matches(folder: str, parts: Sequence[str]) -> Iterator[str]:
     if part == EVERYWHERE:
         while rest and rest[0] == EVERYWHERE:
             rest = rest[1:]
-        yield from matches(folder, rest or ["*"])
-        for path, entry in _entries(folder):
-            if entry.is_dir(follow_symlinks=False) and not entry.name.startswith("."):
-                yield from matches(path, [EVERYWHERE, *rest])
+        for each in _folders(folder):
+            yield from matches(each, rest or ["*"])
     elif not rest:
         if is_pattern(part):
             yield from (path for path, entry in _entries(folder) if name_matches(entry.name, part))
@@ -38,6 +36,19 @@ def matches(folder: str, parts: Sequence[str]) -> Iterator[str]:
                 yield from matches(path, rest)
     elif os.path.isdir(_join(folder, part)):  # noqa: PTH112 - False, too, where it may not be looked
         yield from matches(_join(folder, part), rest)
+
+
+def _folders(folder: str) -> Iterator[str]:
+    """Yield `folder` and those below it that are neither hidden nor links, however deep they lie in one another."""
+    waiting = [folder]
+    while waiting:
+        each = waiting.pop()
+        yield each
+        waiting += [
+            path
+            for path, entry in _entries(each)
+            if entry.is_dir(follow_symlinks=False) and not entry.name.startswith(".")
+        ]
 
 
 def is_pattern(part: str) -> bool:

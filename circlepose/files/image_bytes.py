@@ -26,6 +26,10 @@ IMAGE_SUFFIXES = frozenset(
 )
 """Endings that make a file in a folder or glob an image; a file named itself is judged by its content."""
 
+JPEG_2000 = "JPEG 2000"
+JPEG_2000_VARIABLE = "CIRCLEPOSE_JPEG2000"
+"""Environment variable that allows this format, when it is 1; a process hands it on to its workers."""
+
 HEAD_BYTES = 64
 """As many tell the format."""
 
@@ -39,7 +43,7 @@ _FORMATS = (
     ("BMP", re.compile(rb"BM.{8}.{4}[\x0c\x28\x34\x38\x40\x6c\x7c]\0\0\0", re.DOTALL)),
     ("WebP", re.compile(rb"RIFF.{4}WEBP", re.DOTALL)),
     ("PNM", re.compile(rb"P[1-7]\s")),
-    ("JPEG 2000", re.compile(rb"\0\0\0\x0cjP  \r\n\x87\n|\xff\x4f\xff\x51")),
+    (JPEG_2000, re.compile(rb"\0\0\0\x0cjP  \r\n\x87\n|\xff\x4f\xff\x51")),
 )
 
 
@@ -51,6 +55,14 @@ def is_image_name(name: str) -> bool:
 def known_format(content: bytes) -> str | None:
     """Return the name of the image format that `content` begins like, or None."""
     return next((name for name, start in _FORMATS if start.match(content)), None)
+
+
+def reads_jpeg_2000() -> bool:
+    """Whether JPEG 2000 is decoded, which is refused unless it is asked for.
+
+    OpenJPEG, which OpenCV brings, has had writes out of bounds (CVE-2021-3575, OSV-2023-444).
+    """
+    return os.environ.get(JPEG_2000_VARIABLE) == "1"
 
 
 def is_complete(content: bytes, kind: str) -> bool:

@@ -7,6 +7,7 @@ import stat
 
 from circlepose.errors import ImageError
 from circlepose.files.image_bytes import HEAD_BYTES, known_format
+from circlepose.files.source import open_at_once
 from circlepose.pose import Status
 
 MAX_FILE_BYTES = (1 << 31) - 1
@@ -42,7 +43,7 @@ def too_many_bytes(name: str, size: int) -> ImageError:
 
 def _content(name: str) -> bytes:
     # Python opens names that OpenCV cannot: any bytes on Linux, non-Latin ones on Windows.
-    with open(name, "rb", opener=_open_at_once) as handle:
+    with open(name, "rb", opener=open_at_once) as handle:
         status = os.fstat(handle.fileno())
         if not stat.S_ISREG(status.st_mode):
             raise ImageError(Status.UNREADABLE, f"{name}: is a pipe or a device, not an image file.")
@@ -51,8 +52,3 @@ def _content(name: str) -> bytes:
         if status.st_size > MAX_FILE_BYTES:
             raise too_many_bytes(name, status.st_size)
         return handle.read()
-
-
-def _open_at_once(name: str, flags: int) -> int:
-    # Without this flag, opening a pipe waits for someone who writes to it.
-    return os.open(name, flags | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOCTTY", 0))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 import struct
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 
 MAX_PIXELS = 1 << 28
 """Accepted by default; more than any camera gives."""
@@ -13,9 +13,13 @@ PIXELS_VARIABLE = "OPENCV_IO_MAX_IMAGE_PIXELS"
 """Environment variable of OpenCV that sets another limit, for OpenCV and here."""
 MAX_SIDE = 1 << 20
 """OpenCV's own limit."""
+SCANS_OF_LARGEST = 4
+"""A JPEG is decoded scan by scan, each over all pixels: no more scans times pixels than so many of the largest image.
+Encoders write 10 for a progressive one, so images of up to 100 million pixels may have more than usual."""
 
 Size = tuple[int, int]
 
+_JPEG_SCAN = b"\xff\xda"
 _JPEG_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 _JPEG_BARE = frozenset((0x01, *range(0xD0, 0xD9)))
 _J2K_SIZE = b"\xff\x4f\xff\x51"
@@ -43,6 +47,27 @@ def over_limit(size: Size) -> str | None:
     return None
 
 
+def too_many_scans(content: bytes, kind: str, size: Size) -> str | None:
+    """Return what is wrong with a JPEG whose scans take too long to decode, or None.
+
+    A scan may be a few bytes long and still goes over all pixels: a small file would take minutes.
+    """
+    if kind != "JPEG":
+        return None
+    most = SCANS_OF_LARGEST * max_pixels() // max(size[0] * size[1], 1)
+    # In the data of a scan 0xff is followed by 0; only thumbnails can make this a few too many.
+    if content.count(_JPEG_SCAN) <= most or _jpeg_scans(content) <= most:
+        return None
+    return (
+        f"has more than {most} scans, too many for an image of {size[0]} x {size[1]} px; save it again "
+        "(as a baseline JPEG, or as PNG)"
+    )
+
+
+def _jpeg_scans(content: bytes) -> int:
+    return sum(marker == _JPEG_SCAN[1] for marker, _ in _jpeg_segments(content))
+
+
 def max_pixels() -> int:
     """Return the largest number of pixels of an image that is decoded."""
     said = os.environ.get(PIXELS_VARIABLE, "")
@@ -55,21 +80,27 @@ def _png(content: bytes) -> Size:
 
 
 def _jpeg(content: bytes) -> Size | None:
-    position = 2
-    while True:
-        # As the decoder does: whatever stands between two segments is passed over.
-        position = content.find(b"\xff", position)
-        if position < 0:
-            return None
-        marker = content[position + 1]
+    for marker, position in _jpeg_segments(content):
         if marker in _JPEG_FRAMES:
             height, width = struct.unpack_from(">HH", content, position + 5)
             return width, height
+    return None
+
+
+def _jpeg_segments(content: bytes) -> Iterator[tuple[int, int]]:
+    """Yield the markers of a JPEG and where they stand; those between segments are passed over, as by the decoder."""
+    position = 2
+    while True:
+        position = content.find(b"\xff", position)
+        if position < 0 or position + 1 >= len(content):
+            return
+        marker = content[position + 1]
         if marker == 0xFF:
             position += 1
         elif marker == 0 or marker in _JPEG_BARE:
             position += 2
         else:
+            yield marker, position
             position += 2 + int.from_bytes(content[position + 2 : position + 4], "big")
 
 

@@ -12,9 +12,17 @@ from circlepose._typing import Image
 from circlepose.errors import ImageError, OutputError
 from circlepose.files.atomic import atomic_writer
 from circlepose.files.decoder_messages import decoders_quiet, tells_of_lost_pixels
-from circlepose.files.image_bytes import IMAGE_SUFFIXES, is_complete, known_format, without_remarks
+from circlepose.files.image_bytes import (
+    IMAGE_SUFFIXES,
+    JPEG_2000,
+    JPEG_2000_VARIABLE,
+    is_complete,
+    known_format,
+    reads_jpeg_2000,
+    without_remarks,
+)
 from circlepose.files.image_content import read_content
-from circlepose.files.image_size import over_limit, stated_size
+from circlepose.files.image_size import over_limit, stated_size, too_many_scans
 from circlepose.files.marks import HEAD_BYTES, is_drawn, with_picture_mark
 from circlepose.files.remote import RemoteFile
 from circlepose.pose import Status
@@ -30,7 +38,7 @@ def read_image(path: str | os.PathLike[str] | RemoteFile) -> Image:
     Raises
     ------
     ImageError
-        With the status `unreadable`, `not_an_image`, `truncated_image` or `too_large`.
+        With the status `unreadable`, `not_an_image`, `truncated_image`, `too_large` or `not_allowed`.
     """
     if isinstance(path, RemoteFile):
         return decode_image(path.read_bytes(), str(path))
@@ -46,6 +54,12 @@ def decode_image(content: bytes, name: str) -> Image:
         raise ImageError(Status.NOT_AN_IMAGE, f"{name}: {what}.")
     if is_drawn(content[:HEAD_BYTES]):
         raise ImageError(Status.NOT_AN_IMAGE, f"{name}: is a picture that circlepose drew, not a photograph.")
+    if kind == JPEG_2000 and not reads_jpeg_2000():
+        raise ImageError(
+            Status.NOT_ALLOWED,
+            f"{name}: is a JPEG 2000 image, whose decoder has had bugs that a hostile file could use; convert it "
+            f"to PNG, or set the environment variable {JPEG_2000_VARIABLE}=1 where you trust the file.",
+        )
     # OpenCV 4 fills the lost part of a JPEG with grey and says nothing.
     if not is_complete(content, kind):
         raise ImageError(Status.TRUNCATED_IMAGE, f"{name}: the {kind} image ends early; copy or take it again.")
@@ -53,6 +67,9 @@ def decode_image(content: bytes, name: str) -> Image:
     limit = over_limit(size) if size else None
     if size and limit:
         raise ImageError(Status.TOO_LARGE, f"{name}: is {size[0]} x {size[1]} px, {limit}.")
+    slow = too_many_scans(content, kind, size) if size else None
+    if slow:
+        raise ImageError(Status.TOO_LARGE, f"{name}: {slow}.")
     image, remarks = _decoded(without_remarks(content, kind))
     if image is None or tells_of_lost_pixels(remarks):
         raise ImageError(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -199,34 +199,53 @@ def _listed(folder: str, recursive: bool) -> tuple[list[str], list[str], list[st
     images: list[str] = []
     others: list[str] = []
     folders: list[str] = []
-    for root, below, files in os.walk(folder, onerror=_refuse_folder):
-        below[:] = sorted((each for each in below if not each.startswith(".")), key=natural_key)
-        folders += [os.path.join(root, each) for each in below]  # noqa: PTH118 - keeps the ./ that was typed
-        for name in files:
-            if not name.startswith("."):
-                path = os.path.join(root, name)  # noqa: PTH118
-                if not is_image_name(name):
-                    others.append(path)
-                elif not is_drawn_file(path):
-                    images.append(path)
+    for files, below in _walk(folder, refused_folder):
+        folders += below
+        for path in files:
+            if not is_image_name(path):
+                others.append(path)
+            elif not is_drawn_file(path):
+                images.append(path)
         if not recursive:
             break
-    return sorted(images, key=natural_key), sorted(others, key=natural_key), folders
+    return sorted(images, key=natural_key), sorted(others, key=natural_key), sorted(folders, key=natural_key)
 
 
 def _has_image_below(folder: str) -> bool:
     """Whether a short look finds an image; what cannot be read is passed over."""
-    looks = islice(os.walk(folder), _LOOKED_INTO)
-    return any(is_image_name(name) for _, _, files in looks for name in files if not name.startswith("."))
+    looks = islice(_walk(folder, None), _LOOKED_INTO)
+    return any(is_image_name(path) for files, _ in looks for path in files)
+
+
+def _walk(folder: str, refused: Callable[[OSError], Exception] | None) -> Iterator[tuple[list[str], list[str]]]:
+    """Yield the files and the folders in `folder` and in each one below, without hidden ones and links to folders.
+
+    One after the other, not within one another: `os.walk` of Python 3.11 ends at a depth of a thousand. What cannot
+    be read raises what `refused` makes of it, or is passed over.
+    """
+    waiting = [folder]
+    while waiting:
+        files: list[str] = []
+        folders: list[str] = []
+        each = waiting.pop()
+        try:
+            with os.scandir(each) as entries:
+                for entry in entries:
+                    if not entry.name.startswith("."):
+                        path = os.path.join(each, entry.name)  # noqa: PTH118 - keeps the ./ that was typed
+                        is_folder = entry.is_dir(follow_symlinks=False) or (entry.is_symlink() and _is_folder(path))
+                        (folders if is_folder else files).append(path)
+        except OSError as error:
+            if refused is not None:
+                raise refused(error) from None
+            continue
+        yield files, folders
+        waiting += [path for path in folders if not os.path.islink(path)]  # noqa: PTH114 - a Path drops the ./
 
 
 def _is_folder(path: str) -> bool:
     # Unlike Path.is_dir, False also for a name that is too long or in a folder that may not be searched.
     return os.path.isdir(path)  # noqa: PTH112
-
-
-def _refuse_folder(error: OSError) -> None:
-    raise refused_folder(error)
 
 
 def _some(paths: list[str]) -> str:

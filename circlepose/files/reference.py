@@ -12,6 +12,7 @@ from circlepose._typing import FloatArray
 from circlepose.counterparts import PoseTable, TabledCircle, TabledPose, Vector, pair_circles, with_common_names
 from circlepose.errors import UsageError
 from circlepose.files.pose_table import read_pose_file
+from circlepose.files.source import MAX_TABLE_BYTES, read_regular
 from circlepose.pose import CircleResult, ImageResult
 
 CircleKey = tuple[int, str, str]
@@ -61,12 +62,7 @@ class Reference:
 
 def read_reference(path: Path) -> Reference:
     """Read a truth, or a table of poses, in any form that `check --against` takes; raises `UsageError`."""
-    try:
-        content = path.read_bytes()
-    except FileNotFoundError:
-        raise UsageError(f"{path}: there is no such file; check the path.") from None
-    except OSError as reason:
-        raise UsageError(f"{path}: cannot be opened ({reason.strerror}).") from None
+    content = read_regular(str(path), UsageError, MAX_TABLE_BYTES)
     return Reference.of(read_pose_file(content, str(path), truth_allowed=True).table)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
+import stat
 from typing import IO, TypeAlias
 
 from circlepose.errors import CircleposeError
@@ -11,6 +11,8 @@ from circlepose.errors import CircleposeError
 Source: TypeAlias = str | os.PathLike[str] | bytes | IO[str] | IO[bytes]
 """A path, or the content itself as bytes or an open handle."""
 
+MAX_TABLE_BYTES = 1_000_000_000
+"""A table of poses is read whole, and takes ten times as much memory; a row has some 500 bytes."""
 MAX_BYTES = 10_000_000
 """No calibration or target is larger; a larger file is another file, given by mistake."""
 
@@ -31,21 +33,41 @@ def read_source(source: Source, error: type[CircleposeError]) -> tuple[str, str]
     return text, name
 
 
-def _content(source: Source, error: type[CircleposeError]) -> tuple[str | bytes, str]:
-    if isinstance(source, bytes):
-        return source, "<bytes>"
-    if not isinstance(source, str | os.PathLike):
-        return source.read(MAX_BYTES + 1), str(getattr(source, "name", "<stream>"))
-    name = os.fspath(source)
+def read_regular(name: str, error: type[CircleposeError], most_bytes: int) -> bytes:
+    """Return the bytes of a regular file of at most `most_bytes`, or raise `error`: one sentence that says why not.
+
+    A pipe or a device is refused: nobody may write to it, or it has no end.
+    """
     try:
-        with Path(name).open("rb") as handle:
-            return handle.read(MAX_BYTES + 1), name
+        with open(name, "rb", opener=open_at_once) as handle:
+            status = os.fstat(handle.fileno())
+            if not stat.S_ISREG(status.st_mode):
+                raise error(f"{name}: is a pipe or a device; expected a regular file.")
+            # A file may grow meanwhile, and those of /proc state no size.
+            content = handle.read(most_bytes + 1) if status.st_size <= most_bytes else b""
+            if max(len(content), status.st_size) > most_bytes:
+                raise error(f"{name}: is larger than {most_bytes // 1_000_000} MB, the most that is read.")
+            return content
     except FileNotFoundError:
         raise error(f"{name}: there is no such file; check the path.") from None
     except IsADirectoryError:
         raise error(f"{name}: is a folder; give the file in it.") from None
     except (OSError, ValueError) as reason:
         raise error(f"{name}: cannot be opened ({getattr(reason, 'strerror', None) or reason}).") from None
+
+
+def open_at_once(name: str, flags: int) -> int:
+    """Open a file as `open` does; without this flag, opening a pipe waits for someone who writes to it."""
+    return os.open(name, flags | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOCTTY", 0))
+
+
+def _content(source: Source, error: type[CircleposeError]) -> tuple[str | bytes, str]:
+    if isinstance(source, bytes):
+        return source, "<bytes>"
+    if not isinstance(source, str | os.PathLike):
+        return source.read(MAX_BYTES + 1), str(getattr(source, "name", "<stream>"))
+    name = os.fspath(source)
+    return read_regular(name, error, MAX_BYTES), name
 
 
 def _decoded(content: bytes, name: str, error: type[CircleposeError]) -> str:

@@ -18,9 +18,7 @@ from circlepose_cli.target_report import describe_target, target_warnings
 
 SCHEMA = "circlepose.camera/1"
 CONVENTION = "an integer pixel coordinate is a pixel's centre; (0, 0) is the centre of the top left pixel"
-_FAR_OFF = 0.1
-"""Offset of the principal point, as a share of the image's size, that is rarely right."""
-_UNEQUAL = 0.05
+REFUSED = " (estimate refuses it without --force-calib)"
 _CORNERS = ("top left", "top right", "bottom left", "bottom right")
 
 
@@ -81,12 +79,11 @@ def describe(camera_file: CameraFile, target: Target | None = None) -> CameraRep
         field_of_view_deg=None if size is None else _field_of_view(camera, size),
         corner_shifts=shifts,
         notes=camera_file.notes,
-        warnings=(),
+        warnings=tuple(f"{doubt.text}{REFUSED if doubt.is_grave else ''}" for doubt in camera_file.doubts),
     )
     if target is None:
-        return replace(report, warnings=tuple(_warnings(report)))
-    warnings = (*_warnings(report), *target_warnings(target))
-    return replace(report, warnings=warnings, target=describe_target(target))
+        return report
+    return replace(report, warnings=(*report.warnings, *target_warnings(target)), target=describe_target(target))
 
 
 def _field_of_view(camera: Camera, size: tuple[int, int]) -> dict[str, float | None]:
@@ -124,23 +121,6 @@ def _corner_shifts(camera: Camera, size: tuple[int, int]) -> Iterator[CornerShif
     shifts = np.where(outwards, length, -length)
     for corner, angle, shift in zip(_CORNERS, angles.tolist(), shifts.tolist(), strict=True):
         yield CornerShift(corner, _finite(angle), _finite(shift))
-
-
-def _warnings(report: CameraReport) -> Iterator[str]:
-    fx, fy = report.focal_lengths_px
-    if abs(fx - fy) > _UNEQUAL * min(fx, fy):
-        percent = 100.0 * abs(fx - fy) / min(fx, fy)
-        yield f"fx and fy differ by {percent:.1f} %; few cameras have pixels that are not square"
-    if report.image_size_px is None or report.principal_point_offset_px is None:
-        yield "the image size is unknown; images of another size than the calibration's cannot be refused"
-        return
-    shares = [abs(o) / s for o, s in zip(report.principal_point_offset_px, report.image_size_px, strict=True)]
-    if max(shares) > _FAR_OFF:
-        yield f"the principal point is {100.0 * max(shares):.0f} % of the image's size away from its centre"
-    lost = [shift.corner for shift in report.corner_shifts if shift.off_axis_deg is None]
-    if lost:
-        where = ", ".join(lost)
-        yield f"the distortion cannot be inverted in the image's corners ({where}); nothing can be measured there"
 
 
 def report_record(report: CameraReport) -> dict[str, Any]:

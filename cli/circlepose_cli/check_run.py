@@ -13,6 +13,7 @@ from circlepose.files.inputs import STDIN
 from circlepose.files.names import printable
 from circlepose.files.pose_table import PoseFile, read_pose_file
 from circlepose.files.read_files import Outputs
+from circlepose.files.source import MAX_TABLE_BYTES, read_regular
 from circlepose_cli.check_report import write_comparison
 from circlepose_cli.destination import open_output
 from circlepose_cli.options import FormatChoice
@@ -44,7 +45,8 @@ def run(request: Request) -> int:
     if request.update and not request.against.exists():
         _update(measured, request)
         return 0
-    reference = read_pose_file(_read(request.against), str(request.against), truth_allowed=True)
+    content = read_regular(str(request.against), UsageError, MAX_TABLE_BYTES)
+    reference = read_pose_file(content, str(request.against), truth_allowed=True)
     if request.update:
         _refuse_update(measured, reference)
     comparison = compare(measured.table, reference.table, tolerance, request.candidate)
@@ -68,21 +70,13 @@ def _tolerance(request: Request) -> Tolerance:
 
 def _read_poses(poses: str) -> PoseFile:
     if poses != STDIN:
-        return read_pose_file(_read(Path(poses)), poses)
+        return read_pose_file(read_regular(poses, UsageError, MAX_TABLE_BYTES), poses)
     if sys.stdin is None:
         raise UsageError("-: there is no standard input to read poses from.")
-    return read_pose_file(sys.stdin.buffer.read(), "standard input")
-
-
-def _read(path: Path) -> bytes:
-    try:
-        return path.read_bytes()
-    except FileNotFoundError:
-        raise UsageError(f"{path}: there is no such file; check the path.") from None
-    except IsADirectoryError:
-        raise UsageError(f"{path}: is a folder; give the table in it.") from None
-    except OSError as reason:
-        raise UsageError(f"{path}: cannot be opened ({reason.strerror}).") from None
+    content = sys.stdin.buffer.read(MAX_TABLE_BYTES + 1)
+    if len(content) > MAX_TABLE_BYTES:
+        raise UsageError(f"standard input: is larger than {MAX_TABLE_BYTES // 1_000_000} MB, the most that is read.")
+    return read_pose_file(content, "standard input")
 
 
 def _refuse_update(measured: PoseFile, reference: PoseFile) -> None:

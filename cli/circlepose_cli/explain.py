@@ -35,6 +35,7 @@ def explain(
     refine: options.Refine = True,
     extraction: options.Extraction = ExtractionChoice.EDGES,
     scale_calib: options.ScaleCalib = False,
+    force_calib: options.ForceCalib = False,
     picture: Annotated[
         Path | None,
         typer.Option(
@@ -90,6 +91,7 @@ def explain(
                 refine=refine,
                 extraction=extraction,
                 scale_calibration=scale_calib,
+                force_calibration=force_calib,
                 picture=picture,
                 overwrite=overwrite,
                 report_format=report_format,

@@ -35,6 +35,7 @@ class Request:
     refine: bool
     extraction: ExtractionChoice
     scale_calibration: bool
+    force_calibration: bool
     picture: Path | None
     overwrite: bool
     report_format: ReportFormat
@@ -50,6 +51,7 @@ def run(request: Request) -> int:
         target_file=request.target_file,
         radius_mm=request.radius_mm,
         overrides=request.overrides,
+        force_calibration=request.force_calibration,
         tell=lambda _, setup: _tell(request, setup),
     )
     setup = setups.for_image(image.path)
@@ -66,6 +68,7 @@ def run(request: Request) -> int:
         refine=request.refine,
         extraction=request.extraction.value,
         scale_calibration=request.scale_calibration,
+        force_calibration=request.force_calibration,
         name=image.name,
     )
     if request.picture is not None:
@@ -95,5 +98,5 @@ def _one_image(typed: str) -> InputImage:
 def _tell(request: Request, setup: Setup) -> None:
     if request.quiet:
         return
-    for note in setup.camera_file.notes:
-        print(printable(f"{setup.camera_file.path}: {note}."), file=sys.stderr)
+    for note in setup.notes:
+        print(printable(note), file=sys.stderr)

@@ -234,6 +234,10 @@ ScaleCalib = Annotated[
     bool,
     typer.Option("--scale-calib", help="Take images of another size than the calibration's as resized ones."),
 ]
+ForceCalib = Annotated[
+    bool,
+    typer.Option("--force-calib", help="Use a calibration that looks wrong, as it stands."),
+]
 Recursive = Annotated[bool, typer.Option("--recursive", "-r", help="Take the images in subfolders too.")]
 Format = Annotated[
     FormatChoice | None,

@@ -58,6 +58,7 @@ class Request:
     refine: bool
     extraction: ExtractionChoice
     scale_calibration: bool
+    force_calibration: bool
     output_format: FormatChoice | None
     layout: LayoutChoice
     reference: Path | None
@@ -93,6 +94,7 @@ def _run(request: Request, held: ExitStack) -> int:
         target_file=request.target_file,
         radius_mm=request.radius_mm,
         overrides=request.overrides,
+        force_calibration=request.force_calibration,
         tell=lambda folder, setup: _tell_setup(reporter, outputs, folder, setup),
     )
     reference = _reference(request)
@@ -109,7 +111,11 @@ def _run(request: Request, held: ExitStack) -> int:
     )
     items = _work_items(images, setups, overlays, overwrite=request.overwrite)
     options = MeasureOptions(
-        request.method.value, request.refine, request.scale_calibration, request.extraction.value
+        request.method.value,
+        request.refine,
+        request.scale_calibration,
+        request.extraction.value,
+        request.force_calibration,
     )
     # Rows that go to the terminal one by one would tear a bar.
     shows_bar = not (to_terminal and output_format is not FormatChoice.TABLE)
@@ -227,6 +233,6 @@ def _check_form(output_format: FormatChoice, request: Request) -> None:
 def _tell_setup(reporter: Reporter, outputs: Outputs, folder: Place, setup: Setup) -> None:
     outputs.refuse(setup.camera_file.path, "the calibration")
     outputs.refuse(setup.target_path, "the target")
-    for note in setup.camera_file.notes:
-        reporter.note(f"{setup.camera_file.path}: {note}.")
+    for note in setup.notes:
+        reporter.note(note)
     reporter.detail(f"{folder}: camera {setup.camera_file.path}, target {setup.target_origin}")

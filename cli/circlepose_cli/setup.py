@@ -16,6 +16,8 @@ from circlepose.target import AxisIntervals, Target
 from circlepose.target_hints import NORMAL_SPREAD_DEG, UP_SPREAD_DEG, Direction, DirectionHint
 from circlepose_cli.options import SideChoice, TargetOverrides
 
+_FOUND = "found beside the images and used"
+
 
 @dataclass(frozen=True, slots=True)
 class Setup:
@@ -27,6 +29,8 @@ class Setup:
     """where the target came from, for a person"""
     target_path: Path | None = None
     """the target file, where there is one"""
+    notes: tuple[str, ...] = ()
+    """sentences to say once: remarks on the calibration, and which files were found rather than named"""
 
 
 @dataclass(slots=True)
@@ -39,8 +43,11 @@ class Setups:
     radius_mm: float | None
     overrides: TargetOverrides
     tell: Callable[[Place, Setup], None]
+    force_calibration: bool = False
+    """whether a calibration that no camera has is used"""
     _by_folder: dict[Place, Setup] = field(default_factory=dict)
     _cameras: dict[Path, CameraFile] = field(default_factory=dict)
+    _said: set[str] = field(default_factory=set)
 
     def __post_init__(self) -> None:
         if self.target_file is not None and self.radius_mm is not None:
@@ -61,13 +68,27 @@ class Setups:
             beside = "" if isinstance(folder, RemoteFile) else " or put a camera.yaml beside them"
             raise UsageError(f"{folder}: no calibration for the images there; give --calib FILE{beside}.")
         if path not in self._cameras:
-            self._cameras[path] = read_camera_file(path, self.camera_name)
+            camera_file = read_camera_file(path, self.camera_name)
+            if not self.force_calibration:
+                camera_file.refuse_grave()
+            self._cameras[path] = camera_file
         camera_file = self._cameras[path]
         target, origin, target_path = self._find_target(folder, camera_file)
+        target = _overridden(target, self.overrides)
+        notes = [] if self.calib is not None else [f"{path}: {_FOUND} as calibration"]
+        notes += [
+            f"{path}: {note}{'' if note.endswith('?') else '.'}"
+            for note in (*camera_file.notes, *(d.text for d in camera_file.doubts))
+        ]
+        if self.radius_mm is None and self.target_file is None:
+            used = "used" if origin == f"{camera_file.path}: target" else _FOUND
+            notes.append(f"{origin}: {used} as target, {_described(target)}")
         if self.overrides.camera_sigma is not None:
             sigma = CameraSigma(*self.overrides.camera_sigma)
             camera_file = replace(camera_file, camera=replace(camera_file.camera, sigma=sigma))
-        return Setup(camera_file, _overridden(target, self.overrides), origin, target_path)
+        new = tuple(note for note in notes if note not in self._said)
+        self._said.update(new)
+        return Setup(camera_file, target, origin, target_path, new)
 
     def _find_target(self, folder: Place, camera_file: CameraFile) -> tuple[Target, str, Path | None]:
         if self.radius_mm is not None:
@@ -79,6 +100,13 @@ class Setups:
             origin = f"{camera_file.path}: target"
             return target_from_mapping(camera_file.target, origin), origin, None
         raise UsageError(_no_target(folder, camera_file.path))
+
+
+def _described(target: Target) -> str:
+    """Return what sets the scale of all results."""
+    if target.kind == "circle":
+        return f"radius_mm {target.radii_mm[0]:g}"
+    return f"{target.kind}, radii_mm {', '.join(f'{radius:g}' for radius in target.radii_mm)}"
 
 
 def _beside(folder: Place, stem: str) -> Path | None:
