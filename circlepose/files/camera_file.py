@@ -14,12 +14,13 @@ from typing import NamedTuple
 import numpy as np
 
 from circlepose._typing import FloatArray
+from circlepose.arguments import shown
 from circlepose.camera import EXACT, Camera
 from circlepose.errors import CalibrationError
 from circlepose.files import kalibr_camera, opencv_camera, own_camera, ros_camera
 from circlepose.files.atomic import atomic_writer
 from circlepose.files.opencv_storage import parse_storage, storage_text
-from circlepose.files.schema import shown, some_keys
+from circlepose.files.schema import some_keys
 from circlepose.files.source import Source, read_source
 
 _Entries = Mapping[str, object]

@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 from typing import IO, TypeAlias
 
+from circlepose.arguments import shown
 from circlepose.errors import CircleposeError
 
 Source: TypeAlias = str | os.PathLike[str] | bytes | IO[str] | IO[bytes]
@@ -35,7 +36,7 @@ def _content(source: Source, error: type[CircleposeError]) -> tuple[str | bytes,
     if isinstance(source, bytes):
         return source, "<bytes>"
     if not isinstance(source, str | os.PathLike):
-        return source.read(MAX_BYTES + 1), str(getattr(source, "name", "<stream>"))
+        return _read(source, error), str(getattr(source, "name", "<stream>"))
     name = os.fspath(source)
     try:
         with Path(name).open("rb") as handle:
@@ -46,6 +47,19 @@ def _content(source: Source, error: type[CircleposeError]) -> tuple[str | bytes,
         raise error(f"{name}: is a folder; give the file in it.") from None
     except (OSError, ValueError) as reason:
         raise error(f"{name}: cannot be opened ({getattr(reason, 'strerror', None) or reason}).") from None
+
+
+def _read(source: object, error: type[CircleposeError]) -> str | bytes:
+    read = getattr(source, "read", None)
+    if not callable(read):
+        raise error(f"source: expected a path, bytes or an open file, got {shown(source)}.")
+    try:
+        content = read(MAX_BYTES + 1)
+    except (OSError, ValueError, TypeError) as reason:
+        raise error(f"source: cannot be read ({reason}).") from None
+    if isinstance(content, str | bytes):
+        return content
+    raise error(f"source: expected an open file that gives text or bytes, got {shown(content)}.")
 
 
 def _decoded(content: bytes, name: str, error: type[CircleposeError]) -> str:

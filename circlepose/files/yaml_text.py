@@ -8,8 +8,9 @@ from typing import Any
 
 import yaml
 
+from circlepose.arguments import shown
 from circlepose.errors import CircleposeError
-from circlepose.files.schema import brief, shown
+from circlepose.files.schema import brief
 
 MAX_VALUES = 150_000
 """Numbers, texts, lists and mappings in a file; a calibration with all the points that it was made from has fewer."""
