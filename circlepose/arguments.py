@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import math
 import reprlib
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from numbers import Integral, Real
 from typing import TypeVar
 
+import numpy as np
+
+from circlepose._typing import FloatArray
 from circlepose.errors import ArgumentError, CircleposeError
 
 Value = TypeVar("Value")
@@ -84,7 +87,8 @@ def parts(
     name: str, value: object, expected: str, error: type[CircleposeError] = ArgumentError
 ) -> tuple[object, ...]:
     """Return `value` as a tuple if it is a sequence, or an array, and no text."""
-    if isinstance(value, Iterable) and not isinstance(value, str | bytes):
+    is_sequence = hasattr(value, "__len__") and hasattr(value, "__getitem__") and not isinstance(value, Mapping)
+    if isinstance(value, Iterable) and is_sequence and not isinstance(value, str | bytes):
         try:
             return tuple(value)
         except TypeError:  # an array without a dimension
@@ -100,6 +104,19 @@ def numbers(
     if len(found) != count:
         raise error(f"{name}: expected {expected}, got {shown(value)}.")
     return tuple(number(name, part, expected, error) for part in found)
+
+
+def float_array(name: str, value: object, expected: str, error: type[CircleposeError] = ArgumentError) -> FloatArray:
+    """Return `value` (...), real numbers in an array or in nested sequences, as float64."""
+    refused = error(f"{name}: expected {expected}, got {shown(value)}.")
+    try:
+        array = np.asarray(value)
+        if array.dtype.kind in "biufO":
+            with np.errstate(over="ignore"):
+                return array.astype(np.float64)
+    except Exception as reason:  # whatever the conversion of an object raises
+        raise refused from reason
+    raise refused
 
 
 def length_mm(name: str, value: object, expected: str, error: type[CircleposeError] = ArgumentError) -> float:

@@ -69,11 +69,12 @@ class Camera:
         sigma: CameraSigma = EXACT,
     ) -> Self:
         """Check the numbers and return the camera; raises `CalibrationError` on what cannot be a camera."""
-        matrix = _numbers("camera_matrix", camera_matrix)
+        matrix = arguments.float_array("camera_matrix", camera_matrix, "3 x 3 numbers", CalibrationError)
         if matrix.shape == (3, 3) and matrix[2, 2] not in (0.0, 1.0):
             with np.errstate(over="ignore"):
                 matrix = matrix / matrix[2, 2]
-        return cls(frozen(matrix), frozen(_numbers("dist_coeffs", dist_coeffs).ravel()), image_size, model, sigma)
+        coefficients = arguments.float_array("dist_coeffs", dist_coeffs, "numbers", CalibrationError).ravel()
+        return cls(frozen(matrix), frozen(coefficients), image_size, model, sigma)
 
     def __post_init__(self) -> None:
         given: dict[str, object] = {name: getattr(self, name) for name in ("camera_matrix", "dist_coeffs", "sigma")}
@@ -204,13 +205,6 @@ def circle_contour(
 ) -> FloatArray:
     """Return the rim (..., number, 2) in the raw, distorted image; NaN where the camera cannot see."""
     return camera.project(circle_points(center, normal, radius, number))
-
-
-def _numbers(name: str, values: object) -> FloatArray:
-    try:
-        return np.array(values, dtype=np.float64)
-    except Exception as error:  # whatever the conversion of an object raises
-        raise CalibrationError(f"{name}: expected numbers, got {arguments.shown(values)}.") from error
 
 
 def _checked_size(size: object) -> tuple[int, int]:

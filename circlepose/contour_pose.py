@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike
 
 from circlepose import arguments
 from circlepose._typing import FloatArray
-from circlepose.arguments import shown
 from circlepose.camera import Camera
 from circlepose.errors import ArgumentError
 from circlepose.fitting.direct import MINIMUM_POINTS
@@ -20,7 +19,7 @@ from circlepose.pose import CircleResult, Status
 from circlepose.solutions import circle_results
 from circlepose.solvers import METHODS
 
-_EXPECTED = "expected the (n, 2) px of one contour, in order along the rim"
+_EXPECTED = "the (n, 2) px of one contour, in order along the rim"
 _FARTHEST_PX = 1e6
 _BORDER_PX = 1.0
 _BORDER_SHARE = 0.05
@@ -77,16 +76,15 @@ def _points(contour: object) -> FloatArray:
             f"contour: expected one contour, got {len(several)} as cv2.findContours returns them; give one of them, "
             "such as the longest: max(contours, key=len)."
         )
-    try:
-        points = np.asarray(contour, dtype=np.float64)
-    except Exception as error:  # whatever the conversion of an object raises
-        raise ArgumentError(f"contour: {_EXPECTED}, got {shown(contour)}.") from error
+    points = arguments.float_array("contour", contour, _EXPECTED)
     if points.ndim == 3 and points.shape[1:] == (1, 2):
         points = points[:, 0, :]
     if points.ndim != 2 or points.shape[1] != 2:
-        raise ArgumentError(f"contour: {_EXPECTED}, got shape {points.shape}.")
+        raise ArgumentError(f"contour: expected {_EXPECTED}, got shape {points.shape}.")
     if not np.all(np.abs(points) <= _FARTHEST_PX):
-        raise ArgumentError(f"contour: {_EXPECTED}, finite and within {_FARTHEST_PX:g} px; not all points are.")
+        raise ArgumentError(
+            f"contour: expected {_EXPECTED}, finite and within {_FARTHEST_PX:g} px; not all points are."
+        )
     return points
 
 
