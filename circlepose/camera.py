@@ -133,7 +133,9 @@ class Camera:
         gram = jacobian @ transposed
         a, b, d = gram[..., 0, 0], gram[..., 0, 1], gram[..., 1, 1]
         adjugate = np.stack([np.stack([d, -b], axis=-1), np.stack([-b, a], axis=-1)], axis=-2)
-        return rays, transposed @ adjugate / (a * d - b * b)[..., None, None]
+        # Where the lens model folds, a pixel has no one ray.
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return rays, transposed @ adjugate / (a * d - b * b)[..., None, None]
 
     def sights(self, pixels: FloatArray) -> FloatArray:
         """Return (3, 3, ...) the rays of `pixels` (..., 2), of any length, and their slopes in the pixel's x and y.
@@ -217,8 +219,8 @@ def _checked_size(size: object) -> tuple[int, int]:
 
 
 def _check_matrix(matrix: FloatArray) -> None:
-    if matrix.dtype.kind != "f":
-        raise CalibrationError(f"camera_matrix: expected floating numbers, got {matrix.dtype}.")
+    if matrix.dtype != np.float64:
+        raise CalibrationError(f"camera_matrix: expected float64, got {matrix.dtype}; Camera.create converts.")
     if matrix.shape != (3, 3):
         raise CalibrationError(f"camera_matrix: expected 3 x 3 numbers, got shape {matrix.shape}.")
     if not np.all(np.isfinite(matrix)):
@@ -243,9 +245,9 @@ def _check_largest(name: str, values: FloatArray) -> None:
 
 
 def _check_coefficients(coefficients: FloatArray, model: LensModel) -> None:
-    if coefficients.ndim != 1 or coefficients.dtype.kind != "f":
+    if coefficients.ndim != 1 or coefficients.dtype != np.float64:
         raise CalibrationError(
-            f"dist_coeffs: expected (n,) floats, got {coefficients.dtype} of shape {coefficients.shape}."
+            f"dist_coeffs: expected (n,) float64, got {coefficients.dtype} of shape {coefficients.shape}."
         )
     allowed = lens.PINHOLE_COUNTS if model == "pinhole" else (lens.FISHEYE_COUNT,)
     if len(coefficients) not in allowed:

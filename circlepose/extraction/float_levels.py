@@ -16,8 +16,8 @@ from circlepose.errors import ArgumentError
 _SAMPLES = 1 << 16
 _MOST_STEPS = 65_535
 """The usual range of levels has at most so many steps, as a 16 bit image has."""
-_USUAL = (1.0, 99.0)
-"""Percentiles between which the usual range lies: a hot pixel does not stretch it."""
+_USUAL = (1.0, 50.0, 99.0)
+"""Percentiles between which the usual range lies, and its middle: a hot pixel does not stretch it."""
 _ROUNDING = 2.0
 """Levels nearer to each other than this many machine epsilons are one level."""
 _FARTHEST = 2.0**22
@@ -34,11 +34,13 @@ def in_steps(image: Image) -> Image:
     """
     finite = np.isfinite(image)
     sample = _sample(image, finite)
+    low, middle, high = np.percentile(sample, _USUAL, method="nearest").tolist()
+    if low < high:
+        sample = sample[(sample >= low) & (sample <= high)]
     # By a power of two, which is exact, so that nothing overflows.
     exponent = int(np.frexp(np.max(np.abs(sample)))[1])
-    sample = np.ldexp(sample, -exponent)
-    middle = float(np.median(sample))
-    step = _step(sample, 2.0 ** np.ceil(np.log2(float(np.finfo(image.dtype).eps))))
+    middle = float(np.ldexp(middle, -exponent))
+    step = _step(np.ldexp(sample, -exponent), float(np.finfo(image.dtype).eps))
     with np.errstate(over="ignore", invalid="ignore"):
         levels = np.ldexp(image, -exponent)
         levels -= image.dtype.type(middle)
@@ -78,8 +80,7 @@ def _sample(image: Image, finite: Image) -> FloatArray:
 
 def _step(sample: FloatArray, epsilon: float) -> float:
     """Return the least step between different levels of `sample` (n,), within (-1, 1); 1 where there is none."""
-    gaps = np.diff(np.unique(sample))
+    levels = np.unique(sample)
+    gaps = np.diff(levels)
     gaps = gaps[gaps > _ROUNDING * epsilon]
-    low, high = np.percentile(sample, _USUAL)
-    least = float((high - low) / _MOST_STEPS)
-    return max(float(gaps.min()), least) if len(gaps) else 1.0
+    return max(float(gaps.min()), float(np.ptp(levels)) / _MOST_STEPS) if len(gaps) else 1.0
