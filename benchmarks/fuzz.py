@@ -1,8 +1,9 @@
-"""Damaged files of every format, each read in a process that may crash or hang: what came of them.
+"""Damaged files of every format, and calls of the library with odd arguments: what came of them.
 
     python benchmarks/fuzz.py [--cases N] [--first NUMBER] [--format NAME] [--case NUMBER]
 
-Prints a row per format. A case is made from the format's name and its number alone (and from the bytes that this
+Each is read, or made, in a process that may crash or hang. Prints a row per format; calls have names such as `call of
+estimate`. A case is made from the format's name and its number alone (and from the bytes that this
 version of OpenCV writes): `--format NAME --case NUMBER` repeats one, and shows its traceback.
 """
 
@@ -21,12 +22,14 @@ from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
 
 from circlepose.files.image_bytes import JPEG_2000_VARIABLE
-from fuzz_formats import Format, formats
+from fuzz_formats import Format
 from mutations import generator
 
 Case = tuple[str, int]
 """name of the format and number"""
 
+SOURCES = ("fuzz_formats", "fuzz_arguments")
+"""modules with formats"""
 HANG_S = 30.0
 _START_S = 60.0
 MEMORY_BYTES = 6 << 30
@@ -141,18 +144,20 @@ def main() -> None:
     parser.add_argument("--format", help="only this one")
     parser.add_argument("--case", type=int, help="only this one, with its traceback")
     options = parser.parse_args()
+    sources = {name: source for source in SOURCES for name in importlib.import_module(source).formats()}
     if options.case is not None:
-        chosen = formats()[options.format]
+        chosen = importlib.import_module(sources[options.format]).formats()[options.format]
         content = damaged(chosen, options.format, options.case)
         print(f"{len(content)} bytes: {content[:400]!r}", flush=True)
         print(chosen.read(content, options.case))
         return
     print("| format | cases | read | refused, by status | bugs | printed | hangs | crashes |")
     print("|---|---|---|---|---|---|---|---|")
-    names = [options.format] if options.format else list(formats())
+    names = [options.format] if options.format else list(sources)
     total = Outcomes()
     for name in names:
-        outcomes = fuzz([(name, number) for number in range(options.first, options.first + options.cases)])[name]
+        cases = [(name, number) for number in range(options.first, options.first + options.cases)]
+        outcomes = fuzz(cases, sources[name])[name]
         total.counts += outcomes.counts
         print(_row(name, outcomes.counts), flush=True)
         for case, failure in list(outcomes.failures.items())[:20]:

@@ -88,4 +88,4 @@ def noise_of(grey: Image) -> float:
     down, across = max(1, height // _NOISE_ROWS), max(1, width // _NOISE_COLUMNS)
     left, middle, right = (grey[::down, i : width - 2 + i : across].astype(np.float32) for i in range(3))
     bends = middle - (left + right) / 2.0
-    return max(1.4826 * float(np.median(np.abs(bends))) / np.sqrt(1.5), _LEAST_NOISE)
+    return max(1.4826 * float(np.nanmedian(np.abs(bends))) / np.sqrt(1.5), _LEAST_NOISE)

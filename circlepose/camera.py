@@ -10,13 +10,16 @@ from typing import Literal, Self
 
 import numpy as np
 
-from circlepose import lens
+from circlepose import arguments, lens
 from circlepose._typing import FloatArray, frozen
 from circlepose.cone import factor_from_circle
 from circlepose.conic import unit_circle
 from circlepose.errors import CalibrationError
 
 LensModel = Literal["pinhole", "fisheye"]
+_LARGEST = 1e9
+"""No image, focal length (px) or coefficient is larger, nor a focal length shorter than its inverse; sums of products
+of such numbers do not overflow."""
 LENS_MODELS: tuple[LensModel, ...] = ("pinhole", "fisheye")
 
 
@@ -31,8 +34,9 @@ class CameraSigma:
 
     def __post_init__(self) -> None:
         for name, value in (("focal_sigma_px", self.focal_px), ("center_sigma_px", self.center_px)):
-            if not 0.0 <= value < np.inf:
-                raise CalibrationError(f"{name}: expected a standard deviation of 0 px or more, got {value:g}.")
+            expected = f"a standard deviation of 0 to {_LARGEST:g} px"
+            if not 0.0 <= arguments.number(name, value, expected, CalibrationError) <= _LARGEST:
+                raise CalibrationError(f"{name}: expected {expected}, got {value:g}.")
 
 
 EXACT = CameraSigma()
@@ -40,7 +44,10 @@ EXACT = CameraSigma()
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Camera:
-    """Intrinsics and lens model of one camera. Build it with `Camera.create`, which checks them."""
+    """Intrinsics and lens model of one camera. Build it with `Camera.create`, which takes any array-like.
+
+    Raises `CalibrationError` on what cannot be a camera.
+    """
 
     camera_matrix: FloatArray
     """(3, 3) px, upper triangular, last row 0 0 1"""
@@ -62,18 +69,27 @@ class Camera:
         sigma: CameraSigma = EXACT,
     ) -> Self:
         """Check the numbers and return the camera; raises `CalibrationError` on what cannot be a camera."""
-        try:
-            matrix = np.array(camera_matrix, dtype=np.float64)
-            coefficients = np.array(dist_coeffs, dtype=np.float64).ravel()
-        except (TypeError, ValueError) as error:
-            raise CalibrationError("camera_matrix, dist_coeffs: expected numbers.") from error
-        if model not in LENS_MODELS:
-            raise CalibrationError(f"model: expected one of {', '.join(LENS_MODELS)}, got {model!r}.")
-        _check_matrix(matrix)
-        _check_coefficients(coefficients, model)
-        if image_size is not None and min(image_size) < 1:
-            raise CalibrationError(f"image_size: expected a positive width and height, got {image_size}.")
-        return cls(frozen(matrix / matrix[2, 2]), frozen(coefficients), image_size, model, sigma)
+        matrix = arguments.float_array("camera_matrix", camera_matrix, "3 x 3 numbers", CalibrationError)
+        if matrix.shape == (3, 3) and matrix[2, 2] not in (0.0, 1.0):
+            with np.errstate(over="ignore"):
+                matrix = matrix / matrix[2, 2]
+        coefficients = arguments.float_array("dist_coeffs", dist_coeffs, "numbers", CalibrationError).ravel()
+        return cls(frozen(matrix), frozen(coefficients), image_size, model, sigma)
+
+    def __post_init__(self) -> None:
+        given: dict[str, object] = {name: getattr(self, name) for name in ("camera_matrix", "dist_coeffs", "sigma")}
+        arguments.one_of(LENS_MODELS, "model", self.model, CalibrationError)
+        for name in ("camera_matrix", "dist_coeffs"):
+            if not isinstance(given[name], np.ndarray):
+                raise CalibrationError(
+                    f"{name}: expected an array, got {arguments.shown(given[name])}; Camera.create converts lists."
+                )
+        _check_matrix(self.camera_matrix)
+        _check_coefficients(self.dist_coeffs, self.model)
+        if self.image_size is not None:
+            object.__setattr__(self, "image_size", _checked_size(self.image_size))
+        if not isinstance(given["sigma"], CameraSigma):
+            raise CalibrationError(f"sigma: expected a CameraSigma, got {arguments.shown(self.sigma)}.")
 
     @property
     def is_free_of_distortion(self) -> bool:
@@ -117,7 +133,9 @@ class Camera:
         gram = jacobian @ transposed
         a, b, d = gram[..., 0, 0], gram[..., 0, 1], gram[..., 1, 1]
         adjugate = np.stack([np.stack([d, -b], axis=-1), np.stack([-b, a], axis=-1)], axis=-2)
-        return rays, transposed @ adjugate / (a * d - b * b)[..., None, None]
+        # Where the lens model folds, a pixel has no one ray.
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return rays, transposed @ adjugate / (a * d - b * b)[..., None, None]
 
     def sights(self, pixels: FloatArray) -> FloatArray:
         """Return (3, 3, ...) the rays of `pixels` (..., 2), of any length, and their slopes in the pixel's x and y.
@@ -191,24 +209,50 @@ def circle_contour(
     return camera.project(circle_points(center, normal, radius, number))
 
 
+def _checked_size(size: object) -> tuple[int, int]:
+    expected = "a positive width and height in whole px"
+    width, height = arguments.numbers("image_size", size, expected, 2, CalibrationError)
+    if not (width.is_integer() and height.is_integer() and min(width, height) >= 1.0):
+        raise CalibrationError(f"image_size: expected {expected}, got {arguments.shown(size)}.")
+    _check_largest("image_size", np.array([width, height]))
+    return int(width), int(height)
+
+
 def _check_matrix(matrix: FloatArray) -> None:
+    if matrix.dtype != np.float64:
+        raise CalibrationError(f"camera_matrix: expected float64, got {matrix.dtype}; Camera.create converts.")
     if matrix.shape != (3, 3):
         raise CalibrationError(f"camera_matrix: expected 3 x 3 numbers, got shape {matrix.shape}.")
     if not np.all(np.isfinite(matrix)):
         raise CalibrationError("camera_matrix: has entries that are not finite numbers.")
-    if matrix[2, 2] == 0.0 or np.any(matrix[2, :2] != 0.0) or matrix[1, 0] != 0.0:
+    if matrix[2, 2] != 1.0 or np.any(matrix[2, :2] != 0.0) or matrix[1, 0] != 0.0:
         raise CalibrationError("camera_matrix: expected [[fx, s, cx], [0, fy, cy], [0, 0, 1]].")
-    if matrix[0, 0] / matrix[2, 2] <= 0.0 or matrix[1, 1] / matrix[2, 2] <= 0.0:
+    if matrix[0, 0] <= 0.0 or matrix[1, 1] <= 0.0:
         raise CalibrationError(
             f"camera_matrix: is singular or mirrored; focal lengths fx and fy must be positive px, "
             f"got {matrix[0, 0]:g} and {matrix[1, 1]:g}."
         )
+    shortest = float(min(matrix[0, 0], matrix[1, 1]))
+    if shortest < 1.0 / _LARGEST:
+        raise CalibrationError(f"camera_matrix: a focal length of {shortest:g} px cannot be meant.")
+    _check_largest("camera_matrix", matrix)
+
+
+def _check_largest(name: str, values: FloatArray) -> None:
+    largest = float(np.abs(values).max(initial=0.0))
+    if largest > _LARGEST:
+        raise CalibrationError(f"{name}: holds a number as large as {largest:g}, which cannot be meant.")
 
 
 def _check_coefficients(coefficients: FloatArray, model: LensModel) -> None:
+    if coefficients.ndim != 1 or coefficients.dtype != np.float64:
+        raise CalibrationError(
+            f"dist_coeffs: expected (n,) float64, got {coefficients.dtype} of shape {coefficients.shape}."
+        )
     allowed = lens.PINHOLE_COUNTS if model == "pinhole" else (lens.FISHEYE_COUNT,)
     if len(coefficients) not in allowed:
         counts = ", ".join(str(n) for n in allowed)
         raise CalibrationError(f"dist_coeffs: a {model} camera has {counts} coefficients, got {len(coefficients)}.")
     if not np.all(np.isfinite(coefficients)):
         raise CalibrationError("dist_coeffs: has entries that are not finite numbers.")
+    _check_largest("dist_coeffs", coefficients)

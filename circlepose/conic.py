@@ -13,6 +13,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from circlepose import arguments
 from circlepose._typing import BoolArray, FloatArray, frozen
 from circlepose.errors import ArgumentError
 from circlepose.vectors import cross
@@ -40,9 +41,15 @@ class Ellipse:
     @classmethod
     def from_axes(cls, center: object, semi_axes: object, angle: object) -> Self:
         """Build from `center` (..., 2), `semi_axes` (..., 2) in either order and the `angle` of the first (rad)."""
-        center_ = np.asarray(center, dtype=np.float64)
-        axes = np.asarray(semi_axes, dtype=np.float64)
-        angle_ = np.asarray(angle, dtype=np.float64)
+        center_, axes, angle_ = (
+            _numbers(name, values)
+            for name, values in (("center", center), ("semi_axes", semi_axes), ("angle", angle))
+        )
+        for name, values in (("center", center_), ("semi_axes", axes)):
+            if values.ndim == 0 or values.shape[-1] != 2:
+                raise ArgumentError(
+                    f"{name}: expected two numbers for each ellipse, (..., 2), got shape {values.shape}."
+                )
         if np.any(axes < 0.0):
             raise ArgumentError("semi_axes: expected lengths that are not negative.")
         swap = axes[..., 1] > axes[..., 0]
@@ -134,6 +141,13 @@ class Ellipse:
         points[..., 0] = self.center[..., :1] + cos * along - sin * across
         points[..., 1] = self.center[..., 1:] + sin * along + cos * across
         return points
+
+
+def _numbers(name: str, values: object) -> FloatArray:
+    array = arguments.float_array(name, values, "numbers")
+    if np.any(np.isinf(array)):
+        raise ArgumentError(f"{name}: expected finite numbers, got {arguments.shown(values)}.")
+    return array
 
 
 @lru_cache(maxsize=64)

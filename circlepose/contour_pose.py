@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Sequence
+from typing import TypeGuard
 
+import numpy as np
+from numpy.typing import ArrayLike
+
+from circlepose import arguments
 from circlepose._typing import FloatArray
 from circlepose.camera import Camera
 from circlepose.errors import ArgumentError
@@ -12,7 +17,10 @@ from circlepose.fitting.viewing_cone import fit_cone
 from circlepose.measure import rim_from_fit
 from circlepose.pose import CircleResult, Status
 from circlepose.solutions import circle_results
+from circlepose.solvers import METHODS
 
+_EXPECTED = "the (n, 2) px of one contour, in order along the rim"
+_FARTHEST_PX = 1e6
 _BORDER_PX = 1.0
 _BORDER_SHARE = 0.05
 _MOST_CROSSING_CHECK = 400
@@ -20,9 +28,20 @@ _MOST_CROSSING_CHECK = 400
 
 
 def estimate_from_contour(
-    contour: FloatArray, camera: Camera, radius_mm: float, *, method: str = "chen-huang"
+    contour: ArrayLike, camera: Camera, radius_mm: float, *, method: str = "chen-huang"
 ) -> CircleResult:
-    """Estimate the pose of a circle of `radius_mm` from its contour, (n, 2) px of the raw image, closed, in order.
+    """Estimate the pose of a circle of `radius_mm` from its contour in px of the raw image, closed, in order.
+
+    Parameters
+    ----------
+    contour
+        (n, 2) px, an array or a list of points; also (n, 1, 2), one contour of those that `cv2.findContours` returns.
+    camera
+        Its calibration.
+    radius_mm
+        Of the circle.
+    method
+        A name of `circlepose.solvers.METHODS`.
 
     Returns
     -------
@@ -34,11 +53,10 @@ def estimate_from_contour(
     ArgumentError
         On misuse: not (n, 2) finite numbers, a radius that is not positive, an unknown method.
     """
-    points = np.asarray(contour, dtype=np.float64)
-    if points.ndim != 2 or points.shape[1] != 2 or not np.all(np.isfinite(points)):
-        raise ArgumentError(f"contour: expected (n, 2) finite px, got shape {points.shape}.")
-    if not (np.isfinite(radius_mm) and radius_mm > 0.0):
-        raise ArgumentError(f"radius_mm: expected a positive radius in mm, got {radius_mm:g}.")
+    points = _points(contour)
+    arguments.instance_of(Camera, "camera", camera, arguments.HOW_CAMERA)
+    radius_mm = arguments.length_mm("radius_mm", radius_mm, "a positive radius in mm (not a diameter)")
+    arguments.one_of(METHODS, "method", method)
     status = _what_is_wrong(points, camera)
     if status is not None:
         return CircleResult(0, "disc", method, radius_mm, status=status, reason=_REASON[status], contour=points)
@@ -48,6 +66,41 @@ def estimate_from_contour(
         reason = "no ellipse fits the contour: its points lie on a line or outside the lens model"
         return CircleResult(0, "disc", method, radius_mm, status=Status.NO_POSE, reason=reason, contour=points)
     return circle_results(rim, camera, (method,), radius_mm, 0, "disc")[0]
+
+
+def _points(contour: object) -> FloatArray:
+    """Return `contour` as (n, 2) points; raises `ArgumentError`."""
+    several = contour[0] if _is_pair(contour) and _are_contours(contour[0]) else contour
+    if _are_contours(several):
+        raise ArgumentError(
+            f"contour: expected one contour, got {len(several)} as cv2.findContours returns them; give one of them, "
+            "such as the longest: max(contours, key=len)."
+        )
+    points = arguments.float_array("contour", contour, _EXPECTED)
+    if points.ndim == 3 and points.shape[1:] == (1, 2):
+        points = points[:, 0, :]
+    if points.ndim != 2 or points.shape[1] != 2:
+        raise ArgumentError(f"contour: expected {_EXPECTED}, got shape {points.shape}.")
+    if not np.all(np.abs(points) <= _FARTHEST_PX):
+        raise ArgumentError(
+            f"contour: expected {_EXPECTED}, finite and within {_FARTHEST_PX:g} px; not all points are."
+        )
+    return points
+
+
+def _is_pair(value: object) -> TypeGuard[tuple[object, object]]:
+    return isinstance(value, tuple) and len(value) == 2
+
+
+def _are_contours(value: object) -> TypeGuard[Sequence[object]]:
+    """Whether `value` is a sequence of contours: arrays (n, 1, 2) or (n, 2) of more than one point."""
+    if isinstance(value, np.ndarray):
+        return value.ndim == 4 or (value.ndim == 1 and value.dtype.kind == "O" and _are_contours(list(value)))
+    if not isinstance(value, list | tuple) or len(value) == 0:
+        return False
+    return all(
+        isinstance(each, np.ndarray) and (each.ndim == 3 or (each.ndim == 2 and len(each) > 1)) for each in value
+    )
 
 
 _REASON = {

@@ -14,6 +14,7 @@ from circlepose.conic import Ellipse, signed_distance
 from circlepose.extraction import EXTRACTIONS
 from circlepose.extraction.contour import Contour
 from circlepose.extraction.find import find_contours
+from circlepose.extraction.float_levels import without_gaps
 from circlepose.extraction.grey import to_grey
 from circlepose.extraction.intervals import axis_intervals
 from circlepose.fitting.residuals import LevelResiduals, level_residuals
@@ -89,12 +90,13 @@ def explain(
     if result.status is Status.SIZE_MISMATCH:
         return Explanation(result, 0, (), refine)
     camera = camera_of(result, camera)
-    grey = to_grey(image)
+    measured = to_grey(image)
+    grey = without_gaps(measured)
     contours = _contours(grey, camera, target, extraction)
     seen = [circle for circle in result.circles if circle.ellipse is not None]
     ellipses = [circle.ellipse for circle in seen if circle.ellipse is not None]
     posed = [number for number, circle in enumerate(seen) if circle.candidates]
-    evaluated = level_residuals(grey, camera, [ellipses[i] for i in posed], [_factor(seen[i]) for i in posed])
+    evaluated = level_residuals(measured, camera, [ellipses[i] for i in posed], [_factor(seen[i]) for i in posed])
     levels = dict(zip(posed, evaluated, strict=True))
     circles = []
     for number, (circle, ellipse) in enumerate(zip(seen, ellipses, strict=True)):

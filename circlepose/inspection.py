@@ -12,6 +12,7 @@ from circlepose._typing import Image
 from circlepose.conic import Ellipse
 from circlepose.extraction.contour import Contour, Extraction
 from circlepose.extraction.find import find_contours
+from circlepose.extraction.float_levels import without_gaps
 from circlepose.extraction.grey import eight_bit, to_grey
 from circlepose.target import AxisIntervals, Polarity
 
@@ -44,7 +45,7 @@ def inspect(
 
     With `rings` those inside others of the same centre are kept too. Raises `ArgumentError` on what is no image.
     """
-    grey = to_grey(image)
+    grey = without_gaps(to_grey(image))
     found = find_contours(grey, intervals or AxisIntervals(), polarity, keep_concentric=rings)
     return Inspection((int(grey.shape[1]), int(grey.shape[0])), found, suggested_intervals(found.contours))
 

@@ -6,13 +6,14 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
+from circlepose import arguments
 from circlepose._typing import Image
 from circlepose.camera import Camera
 from circlepose.camera_doubts import misfit
-from circlepose.errors import ArgumentError
 from circlepose.extraction import EXTRACTIONS
 from circlepose.extraction.contour import Contour, Rejection
 from circlepose.extraction.find import find_contours
+from circlepose.extraction.float_levels import without_gaps
 from circlepose.extraction.grey import to_grey
 from circlepose.extraction.intervals import axis_intervals
 from circlepose.hinted import settled_by_hints
@@ -50,7 +51,8 @@ def estimate(
     ----------
     image
         (h, w), (h, w, 3) BGR or (h, w, 4) BGRA pixels, 8 or 16 bit or floating, as decoded: not undistorted,
-        not turned by EXIF.
+        not turned by EXIF. Of floating levels neither gain nor offset counts, and none is clipped; pixels that are
+        not finite, dead ones, are left out.
     camera
         Its calibration. An image of another size than the calibration's gets the status `size_mismatch`
         unless `scale_calibration` says that it was resized, which has to show in its proportions. The same status
@@ -78,14 +80,20 @@ def estimate(
     Raises
     ------
     ArgumentError
-        On misuse: an array that is no image, an unknown method.
+        On misuse, naming the parameter: an array that is no image, a camera or target of another type, an unknown
+        method.
     """
+    arguments.instance_of(Camera, "camera", camera, arguments.HOW_CAMERA)
+    arguments.instance_of(Target, "target", target, arguments.HOW_TARGET)
+    arguments.one_of(("all", *METHODS), "method", method)
+    arguments.one_of(EXTRACTIONS, "extraction", extraction)
+    refine = arguments.truth("refine", refine)
+    scale_calibration = arguments.truth("scale_calibration", scale_calibration)
+    arguments.text("name", name)
     methods = METHODS if method == "all" else (method,)
-    if not set(methods) <= set(METHODS):
-        raise ArgumentError(f"method: expected all or one of {', '.join(METHODS)}, got {method!r}.")
-    if extraction not in EXTRACTIONS:
-        raise ArgumentError(f"extraction: expected one of {', '.join(EXTRACTIONS)}, got {extraction!r}.")
-    grey = to_grey(image)
+    measured = to_grey(image)
+    # Only the fit to the levels can do without pixels that have none.
+    grey = without_gaps(measured)
     size = (int(grey.shape[1]), int(grey.shape[0]))
     unfit = _unfit(camera, size, scaled=scale_calibration, forced=force_calibration)
     if unfit is not None:
@@ -107,7 +115,7 @@ def estimate(
             are_starts=methods == ("chen-huang",),
         )
         if refine:
-            chosen = refined(grey, camera, chosen)
+            chosen = refined(measured, camera, chosen)
         circles = results_of_rims(chosen, camera, methods, target.radii_mm[0], range(len(chosen)), "disc")
         circles = settled_by_hints(circles, target)
     else:
@@ -117,7 +125,7 @@ def estimate(
         fits = fit_rims(grey, camera, found.contours, refine=refine)
         all_rims = list(_measured(zip(found.contours, fits, strict=True), rejected))
         if refine:
-            all_rims = refined(grey, camera, with_second_rims(grey, camera, all_rims, target))
+            all_rims = refined(measured, camera, with_second_rims(grey, camera, all_rims, target))
         circles = find_ring_targets(all_rims, camera, target, methods, rejected, placed=refine)
         if any(Flag.LONE_CIRCLE in circle.flags for circle in circles):
             incomplete = contradiction(all_rims, camera, target)
@@ -218,7 +226,7 @@ def _why_none(rejected: Counter[Rejection]) -> str:
 
 def _unfit(camera: Camera, size: tuple[int, int], *, scaled: bool, forced: bool) -> str | None:
     """Return why `camera` is not to be used for an image of `size`, or None."""
-    insist = "; to measure it all the same: --force-calib"
+    insist = "; to measure it all the same, set force_calibration"
     if camera.image_size is not None and not (scaled and forced):
         mismatch = size_mismatch(size, camera.image_size, scaled=scaled)
         if mismatch is not None:

@@ -10,6 +10,7 @@ import numpy as np
 from circlepose._typing import FloatArray, Image
 from circlepose.acceptance import accepted
 from circlepose.camera import Camera
+from circlepose.extraction.float_levels import without_gaps
 from circlepose.fitting.band import bands_around, beyond_bands
 from circlepose.fitting.neighbours import bands_that_meet, light_of_neighbours
 from circlepose.fitting.photometric import Expected, fit_to_levels
@@ -23,6 +24,7 @@ from circlepose.fitting.setting import (
     level_limits,
     start_blur,
 )
+from circlepose.fitting.two_levels import as_fitted
 from circlepose.measure import Rim, with_edges_placed
 
 _MOST_PIXELS = 22_000
@@ -37,7 +39,12 @@ _SMALL_PX = 20.0
 
 
 def refined(grey: Image, camera: Camera, rims: Sequence[Rim]) -> list[Rim]:
-    """Fit the rims to the levels of `grey` (h, w); a rim whose levels tell nothing better stays as it is."""
+    """Fit the rims to the levels of `grey` (h, w); a rim whose levels tell nothing better stays as it is.
+
+    Pixels without a level (NaN) do not count.
+    """
+    whole = without_gaps(grey)
+    grey = as_fitted(grey, [rim.ellipse for rim in rims])
     limits = level_limits(grey)
     done = list(rims)
     open_ = [i for i, rim in enumerate(rims) if rim.modes_covariance is None]
@@ -88,7 +95,7 @@ def refined(grey: Image, camera: Camera, rims: Sequence[Rim]) -> list[Rim]:
         ellipses = [rim.ellipse for rim in done]
     for i in open_:
         if done[i] is rims[i]:
-            placed = rims[i] if rims[i].is_placed else with_edges_placed(grey, camera, rims[i])
+            placed = rims[i] if rims[i].is_placed else with_edges_placed(whole, camera, rims[i])
             done[i] = replace(placed or rims[i], is_edges_only=True)
     return done
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Literal
 
+from circlepose import arguments
 from circlepose.errors import TargetError
 from circlepose.target_hints import Direction, DirectionHint, Side, check_hints
 
@@ -16,6 +16,9 @@ POLARITIES: tuple[Polarity, ...] = ("any", "dark", "bright")
 MAX_RADII = 16
 """Rings of a target. Each is looked for at each place where one may be and fitted with all others, so that the time
 grows faster than the square of their number (16 take some seconds, 50 a minute). Printed targets have 2 to 8."""
+
+_LONGEST_PX = 1e9
+_RADIUS = "a positive radius in mm (not a diameter)"
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +39,7 @@ class AxisIntervals:
     def __post_init__(self) -> None:
         for name, interval in (("major", self.major_px), ("minor", self.minor_px)):
             if interval is not None:
-                _check_interval(f"axis_intervals_px.{name}", interval, "px", lowest_allowed=0.0)
+                _check_interval(f"axis_intervals_px.{name}", interval, "px", largest=_LONGEST_PX)
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +56,7 @@ class Target:
     generatrix_mm
         Coaxial only: rim to rim distance in the plane of symmetry, sqrt(height^2 + (R - r)^2).
     count
-        Targets per image; None for all that are there.
+        Targets per image; None, or `all`, for all that are there.
     polarity
         `dark`: the disc is darker than its surroundings; `bright`: brighter; `any`.
     axis_intervals
@@ -87,26 +90,27 @@ class Target:
     radius_sigma_mm: float = 0.0
 
     def __post_init__(self) -> None:
-        if self.kind not in KINDS:
-            raise TargetError(f"kind: expected one of {', '.join(KINDS)}, got {self.kind!r}.")
-        if self.polarity not in POLARITIES:
-            raise TargetError(f"polarity: expected one of {', '.join(POLARITIES)}, got {self.polarity!r}.")
+        arguments.one_of(KINDS, "kind", self.kind, TargetError)
+        arguments.one_of(POLARITIES, "polarity", self.polarity, TargetError)
         self._check_radii()
         self._check_generatrix()
-        if not 0.0 <= self.radius_sigma_mm < self.radii_mm[0]:
-            raise TargetError(
-                "radius_sigma_mm: expected a standard deviation in mm, 0 or more and less than the radius of "
-                f"{self.radii_mm[0]:g} mm, got {self.radius_sigma_mm:g}."
-            )
-        if self.count is not None and self.count < 1:
-            raise TargetError(f"count: expected a whole number of at least 1 or 'all', got {self.count}.")
-        if self.coplanar and (self.kind != "circle" or self.count == 1):
+        self._check_radius_sigma()
+        count: object = self.count
+        if isinstance(count, str) and count == "all":
+            object.__setattr__(self, "count", None)
+        elif count is not None:
+            expected = "a whole number of at least 1 or 'all'"
+            if arguments.whole("count", count, expected, TargetError) < 1:
+                raise TargetError(f"count: expected {expected}, got {count}.")
+        if arguments.truth("coplanar", self.coplanar, TargetError) and (self.kind != "circle" or self.count == 1):
             raise TargetError(
                 "coplanar: says that several circles lie in one plane, so it needs kind: circle and a count of 2 or "
                 "more, or all; rings of one target are kind: coplanar."
             )
+        if not isinstance(self.axis_intervals, AxisIntervals | None):
+            raise TargetError(f"axis_intervals: expected AxisIntervals, got {arguments.shown(self.axis_intervals)}.")
         if self.depth_range_mm is not None:
-            _check_interval("depth_range_mm", self.depth_range_mm, "mm", lowest_allowed=0.0)
+            _check_interval("depth_range_mm", self.depth_range_mm, "mm", largest=arguments.LENGTHS_MM[1])
         for key in ("normal_hint", "up_hint", "facing"):
             if getattr(self, key) is not None and self.kind != "circle":
                 raise TargetError(
@@ -128,7 +132,7 @@ class Target:
         """Return the target of one circle of `radius_mm`."""
         return cls(
             kind="circle",
-            radii_mm=(float(radius_mm),),
+            radii_mm=(radius_mm,),
             count=count,
             polarity=polarity,
             axis_intervals=axis_intervals,
@@ -146,9 +150,9 @@ class Target:
 
     def _check_radii(self) -> None:
         key = "radius_mm" if self.kind == "circle" else "radii_mm"
-        for radius in self.radii_mm:
-            if not (math.isfinite(radius) and radius > 0.0):
-                raise TargetError(f"{key}: expected a positive radius in mm (not a diameter), got {radius:g}.")
+        parts = arguments.parts("radii_mm", self.radii_mm, "radii in mm, such as (50.0, 30.0)", TargetError)
+        radii = tuple(arguments.length_mm(key, radius, _RADIUS, TargetError) for radius in parts)
+        object.__setattr__(self, "radii_mm", radii)
         wanted = {"circle": "one radius", "coplanar": "two or more radii", "coaxial": "two radii"}[self.kind]
         number = len(self.radii_mm)
         enough = {"circle": number == 1, "coplanar": number >= 2, "coaxial": number == 2}[self.kind]
@@ -171,17 +175,24 @@ class Target:
         if self.kind != "coaxial":
             raise TargetError(f"generatrix_mm: only a coaxial target has one, this one is {self.kind}.")
         shortest = self.radii_mm[0] - self.radii_mm[1]
-        if not (math.isfinite(self.generatrix_mm) and self.generatrix_mm > shortest):
+        length = arguments.length_mm("generatrix_mm", self.generatrix_mm, "a positive length in mm", TargetError)
+        if length <= shortest:
             raise TargetError(
                 f"generatrix_mm: must be longer than the difference of the radii ({shortest:g} mm), "
                 f"got {self.generatrix_mm:g}."
             )
 
+    def _check_radius_sigma(self) -> None:
+        expected = f"a standard deviation in mm, 0 or more and less than the radius of {self.radii_mm[0]:g} mm"
+        sigma = arguments.number("radius_sigma_mm", self.radius_sigma_mm, expected, TargetError)
+        if not 0.0 <= sigma < self.radii_mm[0]:
+            raise TargetError(f"radius_sigma_mm: expected {expected}, got {sigma:g}.")
 
-def _check_interval(key: str, interval: tuple[float, float], unit: str, lowest_allowed: float) -> None:
-    low, high = interval
-    if not (math.isfinite(low) and math.isfinite(high) and lowest_allowed <= low < high):
-        raise TargetError(
-            f"{key}: expected [smallest, largest] in {unit} with {lowest_allowed:g} <= smallest < largest, "
-            f"got [{low:g}, {high:g}]."
-        )
+
+def _check_interval(key: str, interval: object, unit: str, largest: float) -> None:
+    expected = f"[smallest, largest] in {unit} with 0 <= smallest < largest"
+    low, high = arguments.numbers(key, interval, expected, 2, TargetError)
+    if not 0.0 <= low < high:
+        raise TargetError(f"{key}: expected {expected}, got [{low:g}, {high:g}].")
+    if high > largest:
+        raise TargetError(f"{key}: expected at most {largest:g} {unit}, got [{low:g}, {high:g}].")

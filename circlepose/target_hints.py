@@ -9,6 +9,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
+from circlepose import arguments
 from circlepose.errors import TargetError
 
 Direction: TypeAlias = tuple[float, float, float]
@@ -21,6 +22,7 @@ SIDES: dict[Side, Direction] = {
 }
 NORMAL_SPREAD_DEG = 20.0
 UP_SPREAD_DEG = 10.0
+_LENGTHS = (1e-9, 1e9)
 _AWAY_DEG = 30.0
 """Nearer than this to the way the camera looks no visible surface can face."""
 _SPREADS = 4.0
@@ -44,11 +46,12 @@ def check_hints(normal: DirectionHint | None, up: DirectionHint | None, facing: 
     """Raise `TargetError`, naming the key, where a hint says nothing or two exclude each other."""
     for key, hint in (("normal_hint", normal), ("up_hint", up)):
         if hint is not None:
+            if not isinstance(hint, DirectionHint):
+                raise TargetError(f"{key}: expected a DirectionHint, got {arguments.shown(hint)}.")
             _check_direction(f"{key}.direction", hint.direction)
-            if not 0.0 < hint.spread_deg <= 180.0:
-                raise TargetError(
-                    f"{key}.spread_deg: expected a positive angle of at most 180 deg, got {hint.spread_deg:g}."
-                )
+            expected = "a positive angle of at most 180 deg"
+            if not 0.0 < arguments.number(f"{key}.spread_deg", hint.spread_deg, expected, TargetError) <= 180.0:
+                raise TargetError(f"{key}.spread_deg: expected {expected}, got {hint.spread_deg:g}.")
     if normal is not None and _angle_deg(normal.direction, (0.0, 0.0, 1.0)) < _AWAY_DEG:
         raise TargetError(
             "normal_hint.direction: points away from the camera, so that the surface could not be seen; normals "
@@ -77,13 +80,14 @@ def check_hints(normal: DirectionHint | None, up: DirectionHint | None, facing: 
             )
 
 
-def _check_direction(key: str, direction: Direction) -> None:
-    if len(direction) != 3:
-        raise TargetError(f"{key}: expected three numbers [x, y, z] in the camera frame, got {len(direction)}.")
-    length = math.hypot(*direction)
-    if not (math.isfinite(length) and length > 0.0):
-        shown = ", ".join(f"{part:g}" for part in direction)
-        raise TargetError(f"{key}: expected a direction [x, y, z] of a length other than 0, got [{shown}].")
+def _check_direction(key: str, direction: object) -> None:
+    expected = "a direction [x, y, z] of a length other than 0, three numbers in the camera frame"
+    length = math.hypot(*arguments.numbers(key, direction, expected, 3, TargetError))
+    if not _LENGTHS[0] <= length <= _LENGTHS[1]:
+        raise TargetError(
+            f"{key}: expected {expected} (within {_LENGTHS[0]:g} to {_LENGTHS[1]:g}), "
+            f"got {arguments.shown(direction)}."
+        )
 
 
 def _angle_deg(first: Direction, second: Direction) -> float:

@@ -240,10 +240,32 @@ def test_each_folder_has_its_own_setup(run, tmp_path):
     ]
 
 
+@pytest.mark.parametrize(
+    ("value", "says"),
+    [
+        ("6cm", "'--radius-mm': expected a number of mm without its unit, such as 60, got '6cm'."),
+        (
+            "1e300",
+            "--radius-mm: expected a positive radius in mm (not a diameter) within 1e-06 to 1e+12 mm",
+        ),
+        ("1e-300", "--radius-mm: expected a positive radius in mm"),
+        ("nan", "--radius-mm: expected a positive radius in mm (not a diameter), got nan."),
+    ],
+)
+def test_a_radius_that_is_none_is_quoted(run, folder, value, says):
+    code, out, err = run("estimate", folder, "--radius-mm", value)
+    assert (code, out) == (2, "")
+    assert says in err.replace("\n", " ")
+    assert "Warning" not in err
+
+
 def test_other_sizes_are_refused_unless_scaled(run, folder):
     (folder / "camera.yaml").write_text("fx: 800\nfy: 800\ncx: 319.5\ncy: 239.5\nimage_size: [640, 480]\n")
-    code, out, _ = run("estimate", folder)
+    code, out, err = run("estimate", folder)
     assert (code, rows_of(out)[0]["status"]) == (3, "size_mismatch")
+    # The library names its parameter there.
+    assert "or give --scale-calib if the image was resized" in err
+    assert "scale_calibration" not in err
     assert run("estimate", folder, "--scale-calib")[0] == 0
 
 

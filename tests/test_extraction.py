@@ -223,7 +223,7 @@ def test_bilinear_sampling_of_a_ramp_is_exact_and_the_outside_is_marked():
         (np.full((4, 5, 4), (10, 20, 30, 0), np.uint8), 22),
         (np.full((4, 5, 1), 7, np.uint8), 7),
         (np.full((4, 5), 700, np.uint16), 700),
-        (np.full((4, 5), 0.5), 0.5),
+        (np.full((4, 5), 0.5), 0.0),
         (np.ones((4, 5), bool), 255),
     ],
     ids=["bgr", "bgra", "one channel", "16 bit", "float", "bool"],

@@ -6,6 +6,7 @@ A case that fails is named by format and number; `python benchmarks/fuzz.py --fo
 from __future__ import annotations
 
 import pytest
+from fuzz_arguments import formats as calls
 
 from circlepose.files.image_bytes import JPEG_2000_VARIABLE
 from fuzz import FAILURES, damaged, fuzz
@@ -13,6 +14,7 @@ from fuzz_formats import formats
 from mutations import generator
 
 FORMATS = formats()
+CALLS = calls()
 TEXTS = ("calibration", "target", "table")
 
 
@@ -20,6 +22,11 @@ TEXTS = ("calibration", "target", "table")
 def test_what_is_damaged_was_sound_before(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(JPEG_2000_VARIABLE, "1")
     assert FORMATS[name].read(FORMATS[name].content, 0) == "read"
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_what_is_called_oddly_was_sound_before(name: str) -> None:
+    assert CALLS[name].read(b"", 0) == "read"
 
 
 @pytest.mark.parametrize("name", ["png 8", "png, checksums mended", "calibration, opencv"])
@@ -48,12 +55,16 @@ def test_damaged_texts(kind: str) -> None:
     check([name for name in FORMATS if name.startswith(kind)], 120)
 
 
-def check(names: list[str], cases: int) -> None:
-    found = fuzz([(name, number) for name in names for number in range(cases)])
+def test_odd_calls_of_the_library() -> None:
+    check(list(CALLS), 60, "fuzz_arguments", least_read=0.02)
+
+
+def check(names: list[str], cases: int, source: str = "fuzz_formats", least_read: float = 0.1) -> None:
+    found = fuzz([(name, number) for name in names for number in range(cases)], source)
     failures = {(name, case): text for name in names for case, text in found[name].failures.items()}
     assert not failures
     for name in names:
         assert found[name].counts.total() == cases
     counts = sum((found[name].counts for name in names), start=found[names[0]].counts.__class__())
     # Damage that is always, or never, noticed would test nothing.
-    assert 0.1 < counts["read"] / counts.total() < 0.9
+    assert least_read < counts["read"] / counts.total() < 0.9

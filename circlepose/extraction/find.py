@@ -16,7 +16,7 @@ from circlepose.conic import Ellipse, rim_distance
 from circlepose.extraction import EXTRACTIONS
 from circlepose.extraction.candidates import rough_ellipses, without_repeats
 from circlepose.extraction.contour import Extraction, Rejection
-from circlepose.extraction.grey import eight_bit
+from circlepose.extraction.grey import eight_bit, has_low_range
 from circlepose.extraction.partial import PartialRim, in_runs, partial_rims
 from circlepose.extraction.pyramid import pyramid
 from circlepose.extraction.repeats import inside_others, repeats, same
@@ -81,7 +81,7 @@ def find_contours(
     fewer than `enough` contours otherwise; in both cases only where a length to expect is given, as every thin
     line would be one.
     """
-    levels = grey if grey.dtype == np.uint8 else grey.astype(np.float32)
+    levels = grey if grey.dtype == np.uint8 and not has_low_range(grey) else grey.astype(np.float32)
     range_ = float(np.ptp(levels[::8]))
     slivers_wanted = intervals.minor_px is not None and intervals.minor_px[0] < 2.0 * THIN_PX
     rejected: Counter[Rejection] = Counter()

@@ -15,13 +15,14 @@ from typing import NamedTuple
 import numpy as np
 
 from circlepose._typing import FloatArray
+from circlepose.arguments import shown
 from circlepose.camera import EXACT, Camera
 from circlepose.camera_doubts import Doubt, doubts, reprojection_doubts
 from circlepose.errors import CalibrationError
 from circlepose.files import kalibr_camera, opencv_camera, own_camera, ros_camera
 from circlepose.files.atomic import atomic_writer
 from circlepose.files.opencv_storage import parse_storage, storage_text
-from circlepose.files.schema import shown, some_keys
+from circlepose.files.schema import some_keys
 from circlepose.files.source import Source, read_source
 
 _Entries = Mapping[str, object]
@@ -65,12 +66,12 @@ class CameraFile:
     doubts: tuple[Doubt, ...] = ()
     """what looks wrong, the grave first"""
 
-    def refuse_grave(self) -> None:
-        """Raise `CalibrationError` on what no camera has: file, key and what it looks like."""
+    def refuse_grave(self, insist: str = "set force_calibration") -> None:
+        """Raise `CalibrationError` on what no camera has: file, key, what it looks like and how to `insist`."""
         for doubt in self.doubts:
             if doubt.is_grave:
                 raise CalibrationError(
-                    f"{self.path}: {doubt.about}: {doubt.text}. To measure with it all the same: --force-calib."
+                    f"{self.path}: {doubt.about}: {doubt.text}. To measure with it all the same, {insist}."
                 )
 
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from circlepose.arguments import shown
 from circlepose.camera import Camera, LensModel
 from circlepose.errors import CalibrationError
 from circlepose.files import numbers
-from circlepose.files.schema import shown, some_keys
+from circlepose.files.schema import some_keys
 
 NAME = "Kalibr camchain"
 

@@ -8,11 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from circlepose._typing import FloatArray
+from circlepose.arguments import shown
 from circlepose.camera import Camera, CameraSigma, LensModel
 from circlepose.errors import CalibrationError
-from circlepose.files.schema import shown
-
-_LARGEST = 1e9
 
 
 def number(value: object, where: str, key: str) -> float:
@@ -75,16 +73,12 @@ def build_camera(
 ) -> Camera:
     """Build the camera from (key in the file, value) pairs, so that messages carry the file's own keys."""
     try:
-        # Numbers that overflow are told below, in words.
-        with np.errstate(over="ignore", invalid="ignore"):
-            camera = Camera.create(matrix[1], dist[1], size, model)
+        return Camera.create(matrix[1], dist[1], size, model)
     except CalibrationError as reason:
         text = str(reason)
-        for ours, theirs in (("camera_matrix:", matrix[0]), ("dist_coeffs:", dist[0])):
+        for ours, theirs in (("camera_matrix:", matrix[0]), ("dist_coeffs:", dist[0]), ("image_size:", "image size")):
             text = text.replace(ours, f"{theirs}:")
         raise CalibrationError(f"{where}: {text}") from None
-    _refuse_absurd(camera, where, matrix[0], dist[0])
-    return camera
 
 
 def with_sigma(camera: Camera, where: str, focal_px: float, center_px: float) -> Camera:
@@ -93,18 +87,6 @@ def with_sigma(camera: Camera, where: str, focal_px: float, center_px: float) ->
         return replace(camera, sigma=CameraSigma(focal_px, center_px))
     except CalibrationError as reason:
         raise CalibrationError(f"{where}: {reason}") from None
-
-
-def _refuse_absurd(camera: Camera, where: str, matrix_key: str, dist_key: str) -> None:
-    """Refuse numbers that no camera has and with which sums overflow."""
-    shortest = float(min(camera.camera_matrix[0, 0], camera.camera_matrix[1, 1]))
-    if shortest < 1.0 / _LARGEST:
-        raise CalibrationError(f"{where}: {matrix_key}: a focal length of {shortest:g} px cannot be meant.")
-    sizes = ("image size", np.array(camera.image_size or (), dtype=np.float64))
-    for key, values in ((matrix_key, camera.camera_matrix), (dist_key, camera.dist_coeffs), sizes):
-        largest = float(np.abs(values).max(initial=0.0))
-        if largest > _LARGEST:
-            raise CalibrationError(f"{where}: {key}: holds a number as large as {largest:g}, which cannot be meant.")
 
 
 def _grid(value: object, where: str, key: str) -> FloatArray:

@@ -11,9 +11,9 @@ from collections.abc import Mapping
 from xml.etree import ElementTree
 
 from circlepose._typing import FloatArray
+from circlepose.arguments import shown
 from circlepose.errors import CalibrationError
 from circlepose.files.marks import COMMENT
-from circlepose.files.schema import shown
 from circlepose.files.yaml_text import MatrixNode, parse_yaml
 
 _MATRIX_TYPES = ("opencv-matrix", "opencv-nd-matrix")

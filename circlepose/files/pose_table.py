@@ -7,9 +7,10 @@ from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from circlepose.arguments import shown
 from circlepose.counterparts import PoseTable, TabledCircle, TabledPose, Vector
 from circlepose.errors import UsageError
-from circlepose.files.schema import brief, shown
+from circlepose.files.schema import brief
 from circlepose.files.table_rows import Form, TableRow, read_rows
 from circlepose.pose import Status
 

@@ -11,12 +11,13 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
+from circlepose.arguments import shown
 from circlepose.camera import Camera
 from circlepose.errors import SceneError
 from circlepose.files import own_camera
 from circlepose.files.camera_file import read_camera
 from circlepose.files.scene_parts import paint, plane, shape_patch, target_part
-from circlepose.files.schema import Strict, parse, shown, unknown_key
+from circlepose.files.schema import Strict, parse, unknown_key
 from circlepose.files.source import read_source
 from circlepose.files.target_file import target_from_mapping
 from circlepose.files.yaml_text import parse_yaml

@@ -10,8 +10,9 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from circlepose._typing import FloatArray, frozen
+from circlepose.arguments import shown
 from circlepose.errors import SceneError
-from circlepose.files.schema import Strict, parse, shown
+from circlepose.files.schema import Strict, parse
 from circlepose.synthesis.scene import (
     Box,
     CoaxialPart,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import reprlib
 from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
 from typing import TypeVar, get_args
@@ -10,6 +9,7 @@ from typing import TypeVar, get_args
 from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic_core import ErrorDetails
 
+from circlepose.arguments import shown
 from circlepose.errors import CircleposeError
 
 
@@ -44,14 +44,6 @@ def unknown_key(key: str, known: Iterable[str]) -> str:
     near = get_close_matches(key.lower(), names, n=1, cutoff=0.7)
     hint = f"did you mean {near[0]}?" if near else f"the keys are {', '.join(names)}."
     return f"{some_keys([key])}: is no known key; {hint}"
-
-
-def shown(value: object) -> str:
-    """Return a short text of a value found in a file."""
-    if isinstance(value, str):
-        return repr(value[:40])
-    text = reprlib.repr(value)
-    return text if len(text) <= 120 else f"{text[:120]}..."
 
 
 def brief(text: str) -> str:

@@ -6,6 +6,7 @@ import os
 import stat
 from typing import IO, TypeAlias
 
+from circlepose.arguments import shown
 from circlepose.errors import CircleposeError
 
 Source: TypeAlias = str | os.PathLike[str] | bytes | IO[str] | IO[bytes]
@@ -34,19 +35,21 @@ def read_source(source: Source, error: type[CircleposeError]) -> tuple[str, str]
 
 
 def read_regular(name: str, error: type[CircleposeError], most_bytes: int) -> bytes:
-    """Return the bytes of a regular file of at most `most_bytes`, or raise `error`: one sentence that says why not.
+    """Return the bytes of a file of at most `most_bytes`, or raise `error`: one sentence that says why not.
 
-    A pipe or a device is refused: nobody may write to it, or it has no end.
+    A pipe is read where something writes to it, as the shell's `<(command)` does; a device is refused.
     """
     try:
         with open(name, "rb", opener=open_at_once) as handle:
             status = os.fstat(handle.fileno())
+            if stat.S_ISFIFO(status.st_mode):
+                return _piped(handle, name, error, most_bytes)
             if not stat.S_ISREG(status.st_mode):
-                raise error(f"{name}: is a pipe or a device; expected a regular file.")
+                raise error(f"{name}: is a device; expected a regular file.")
             # A file may grow meanwhile, and those of /proc state no size.
             content = handle.read(most_bytes + 1) if status.st_size <= most_bytes else b""
             if max(len(content), status.st_size) > most_bytes:
-                raise error(f"{name}: is larger than {most_bytes // 1_000_000} MB, the most that is read.")
+                raise _too_large(name, error, most_bytes)
             return content
     except FileNotFoundError:
         raise error(f"{name}: there is no such file; check the path.") from None
@@ -54,6 +57,25 @@ def read_regular(name: str, error: type[CircleposeError], most_bytes: int) -> by
         raise error(f"{name}: is a folder; give the file in it.") from None
     except (OSError, ValueError) as reason:
         raise error(f"{name}: cannot be opened ({getattr(reason, 'strerror', None) or reason}).") from None
+
+
+def _piped(handle: IO[bytes], name: str, error: type[CircleposeError], most_bytes: int) -> bytes:
+    try:
+        begin = os.read(handle.fileno(), most_bytes + 1)
+    except BlockingIOError:
+        begin = None
+    if begin == b"":
+        raise error(f"{name}: is a pipe to which nothing writes; expected a file.")
+    # It has a writer: wait for the rest.
+    os.set_blocking(handle.fileno(), True)
+    content = (begin or b"") + handle.read(most_bytes + 1)
+    if len(content) > most_bytes:
+        raise _too_large(name, error, most_bytes)
+    return content
+
+
+def _too_large(name: str, error: type[CircleposeError], most_bytes: int) -> CircleposeError:
+    return error(f"{name}: is larger than {most_bytes // 1_000_000} MB, the most that is read.")
 
 
 def open_at_once(name: str, flags: int) -> int:
@@ -65,9 +87,22 @@ def _content(source: Source, error: type[CircleposeError]) -> tuple[str | bytes,
     if isinstance(source, bytes):
         return source, "<bytes>"
     if not isinstance(source, str | os.PathLike):
-        return source.read(MAX_BYTES + 1), str(getattr(source, "name", "<stream>"))
+        return _read(source, error), str(getattr(source, "name", "<stream>"))
     name = os.fspath(source)
     return read_regular(name, error, MAX_BYTES), name
+
+
+def _read(source: object, error: type[CircleposeError]) -> str | bytes:
+    read = getattr(source, "read", None)
+    if not callable(read):
+        raise error(f"source: expected a path, bytes or an open file, got {shown(source)}.")
+    try:
+        content = read(MAX_BYTES + 1)
+    except (OSError, ValueError, TypeError) as reason:
+        raise error(f"source: cannot be read ({reason}).") from None
+    if isinstance(content, str | bytes):
+        return content
+    raise error(f"source: expected an open file that gives text or bytes, got {shown(content)}.")
 
 
 def _decoded(content: bytes, name: str, error: type[CircleposeError]) -> str:

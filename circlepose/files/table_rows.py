@@ -10,10 +10,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from circlepose.arguments import shown
 from circlepose.errors import UsageError
 from circlepose.files.names import unquoted
 from circlepose.files.records import POSES_SCHEMA
-from circlepose.files.schema import brief, shown
+from circlepose.files.schema import brief
 from circlepose.files.tables import COLUMNS, csv_text
 from circlepose.pose import Status
 

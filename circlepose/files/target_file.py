@@ -11,10 +11,11 @@ from typing import Annotated, Literal
 import yaml
 from pydantic import Field
 
+from circlepose.arguments import shown
 from circlepose.errors import TargetError, UsageError
 from circlepose.files.atomic import atomic_writer
 from circlepose.files.marks import COMMENT
-from circlepose.files.schema import Strict, parse, shown
+from circlepose.files.schema import Strict, parse
 from circlepose.files.source import Source, read_source
 from circlepose.files.yaml_text import parse_yaml
 from circlepose.target import KINDS, POLARITIES, AxisIntervals, Kind, Polarity, Target

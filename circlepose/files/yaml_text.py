@@ -14,8 +14,9 @@ from yaml.reader import Reader
 from yaml.resolver import BaseResolver
 from yaml.scanner import Scanner
 
+from circlepose.arguments import shown
 from circlepose.errors import CircleposeError
-from circlepose.files.schema import brief, shown
+from circlepose.files.schema import brief
 
 _IS_COMPILED = bool(yaml.__with_libyaml__)
 """PyYAML's own parser takes 0.2 ms a value and 3 us a character; libyaml, in its wheels, a tenth or less."""

@@ -8,7 +8,7 @@ from functools import reduce
 
 import numpy as np
 
-from circlepose._typing import FloatArray, Image, IntArray, RealArray
+from circlepose._typing import BoolArray, FloatArray, Image, IntArray, RealArray
 from circlepose.camera import Camera
 from circlepose.conic import Ellipse, unit_circle
 
@@ -75,7 +75,17 @@ def bands_around(grey: Image, camera: Camera, rims: Sequence[Ellipse], reach_px:
         # Beyond the lens model; any ray that is finite will do.
         weight[unseen] = 0.0
         np.moveaxis(rays, -1, 1)[unseen] = np.eye(3)[:, [2, 0, 1]]
-    return Bands(grey[y, x].astype(np.float32), weight, rays, pixels)
+    levels = grey[y, x].astype(np.float32)
+    if grey.dtype.kind == "f":
+        weight[_made_zero_gaps(levels)] = 0.0
+    return Bands(levels, weight, rays, pixels)
+
+
+def _made_zero_gaps(levels: RealArray) -> BoolArray:
+    """Make `levels` (...) 0 where the image has none (NaN), and return where that is."""
+    gaps = np.isnan(levels)
+    levels[gaps] = 0.0
+    return np.asarray(gaps)
 
 
 def beyond_bands(
@@ -111,6 +121,8 @@ def beyond_bands(
     unseen = ~np.isfinite(sights).all(axis=(0, 1))
     sights[:, :, unseen] = 0.5
     weight[(lowest <= limits[0]) | (highest >= limits[1]) | unseen] = 0.0
+    if grey.dtype.kind == "f":
+        weight[_made_zero_gaps(levels)] = 0.0
     dx, dy = x + 0.5 - rim_x, y + 0.5 - rim_y
     rays = np.stack([each[0] + each[1] * dx + each[2] * dy for each in sights], axis=2)
     return Beyond(*(each.reshape(*each.shape[:-2], -1) for each in (levels, weight, rays)))

@@ -19,6 +19,7 @@ from circlepose.fitting.blurred_share import curved, places, straight
 from circlepose.fitting.neighbours import bands_that_meet, light_of_neighbours
 from circlepose.fitting.photometric import Expected, LevelsFit, fit_to_levels
 from circlepose.fitting.setting import REACH_PX, REACH_SIGMA, first_information, is_curved, level_limits, start_blur
+from circlepose.fitting.two_levels import as_fitted
 from circlepose.fitting.unlike import QUANTIZATION
 
 _AT_RIM_SIGMA = 2.0
@@ -82,6 +83,7 @@ def level_residuals(
     The levels are fitted anew, and the model then put at the cone that was given: what it misses there is told. None
     of a rim whose band has next to no pixels.
     """
+    grey = as_fitted(grey, ellipses)
     first = [
         _fit(grey, camera, e, f, REACH_PX, start_blur(1)[0], None) for e, f in zip(ellipses, factors, strict=True)
     ]

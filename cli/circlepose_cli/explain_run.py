@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from circlepose.errors import UsageError
@@ -16,6 +16,7 @@ from circlepose.files.read_files import Outputs
 from circlepose.pose import Status
 from circlepose_cli.destination import open_output
 from circlepose_cli.explain_report import report_record, report_text
+from circlepose_cli.option_names import with_options_named
 from circlepose_cli.options import ExtractionChoice, ReportFormat, TargetOverrides
 from circlepose_cli.setup import Setup, Setups
 
@@ -71,6 +72,7 @@ def run(request: Request) -> int:
         force_calibration=request.force_calibration,
         name=image.name,
     )
+    explanation = replace(explanation, result=with_options_named(explanation.result))
     if request.picture is not None:
         from circlepose.explain_picture import draw_explanation  # noqa: PLC0415 - drawing is rarely asked for
 

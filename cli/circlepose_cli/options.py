@@ -114,6 +114,13 @@ def check_timeout(seconds: float | None) -> float | None:
     return seconds
 
 
+def _number_of_mm(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise typer.BadParameter(f"expected a number of mm without its unit, such as 60, got {text!r}.") from None
+
+
 Inputs = Annotated[
     list[str],
     typer.Argument(
@@ -152,11 +159,21 @@ TargetFile = Annotated[
 ]
 RadiusMm = Annotated[
     float | None,
-    typer.Option("--radius-mm", metavar="R", help="Look for one circle of this radius in mm (not its diameter)."),
+    typer.Option(
+        "--radius-mm",
+        metavar="R",
+        parser=_number_of_mm,
+        help="Look for one circle of this radius in mm (not its diameter).",
+    ),
 ]
 RadiusSigmaMm = Annotated[
     float | None,
-    typer.Option("--radius-sigma-mm", metavar="MM", help="How well the radius is known: its standard deviation."),
+    typer.Option(
+        "--radius-sigma-mm",
+        metavar="MM",
+        parser=_number_of_mm,
+        help="How well the radius is known: its standard deviation.",
+    ),
 ]
 CameraSigma = Annotated[
     str | None,

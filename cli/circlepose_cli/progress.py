@@ -16,6 +16,7 @@ from circlepose.files.names import printable, redacted
 from circlepose.pose import Flag, ImageResult, Status
 from circlepose_cli import debugging
 from circlepose_cli.interruption import Interruption
+from circlepose_cli.option_names import with_options_named
 from circlepose_cli.pace import Pace, duration
 
 if TYPE_CHECKING:
@@ -167,6 +168,7 @@ def follow(
                 return
             if result is None:
                 return
+            result = with_options_named(result)
             reporter.count(result)
             yield result
 

@@ -70,7 +70,7 @@ class Setups:
         if path not in self._cameras:
             camera_file = read_camera_file(path, self.camera_name)
             if not self.force_calibration:
-                camera_file.refuse_grave()
+                camera_file.refuse_grave("give --force-calib")
             self._cameras[path] = camera_file
         camera_file = self._cameras[path]
         target, origin, target_path = self._find_target(folder, camera_file)

@@ -1,0 +1,86 @@
+"""A floating image in units of its own quantization, so that neither its gain nor its offset counts.
+
+The fits know the noise of rounding to whole levels, 1/12 of a level squared, as 8 and 16 bit images have it. A
+floating image is therefore divided by the smallest step between its levels: that of the 8 bit image that it is a
+copy of, say, whatever it was divided by.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from circlepose._typing import FloatArray, Image
+from circlepose.errors import ArgumentError
+
+_SAMPLES = 1 << 16
+_MOST_STEPS = 65_535
+"""The usual range of levels has at most so many steps, as a 16 bit image has."""
+_USUAL = (1.0, 50.0, 99.0)
+"""Percentiles between which the usual range lies, and its middle: a hot pixel does not stretch it."""
+_ROUNDING = 2.0
+"""Levels nearer to each other than this many machine epsilons are one level."""
+_FARTHEST = 2.0**22
+"""Steps from the median beyond which a level is cut: float32 holds these to half a step."""
+
+
+def in_steps(image: Image) -> Image:
+    """Return floating `image` (...) as float32, in steps from its median; NaN where it is not finite.
+
+    Raises
+    ------
+    ArgumentError
+        When no pixel is finite.
+    """
+    finite = np.isfinite(image)
+    sample = _sample(image, finite)
+    low, middle, high = np.percentile(sample, _USUAL, method="nearest").tolist()
+    if low < high:
+        sample = sample[(sample >= low) & (sample <= high)]
+    # By a power of two, which is exact, so that nothing overflows.
+    exponent = int(np.frexp(np.max(np.abs(sample)))[1])
+    middle = float(np.ldexp(middle, -exponent))
+    step = _step(np.ldexp(sample, -exponent), float(np.finfo(image.dtype).eps))
+    with np.errstate(over="ignore", invalid="ignore"):
+        levels = np.ldexp(image, -exponent)
+        levels -= image.dtype.type(middle)
+        levels /= image.dtype.type(step)
+        np.clip(levels, -_FARTHEST, _FARTHEST, out=levels)
+    levels = levels.astype(np.float32, copy=False)
+    if not finite.all():
+        levels[~finite] = np.nan
+    return levels
+
+
+def without_gaps(grey: Image) -> Image:
+    """Return `grey` (h, w) with the level of the nearest pixel that has one where it is NaN."""
+    if grey.dtype.kind != "f":
+        return grey
+    gaps = np.isnan(grey)
+    if not gaps.any():
+        return grey
+    _, nearest = cv2.distanceTransformWithLabels(
+        gaps.view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL
+    )
+    levels = np.zeros(int(nearest.max()) + 1, grey.dtype)
+    levels[nearest[~gaps]] = grey[~gaps]
+    return levels[nearest]
+
+
+def _sample(image: Image, finite: Image) -> FloatArray:
+    """Return finite levels (n,) of pixels that cover the image evenly; all of them where those are alike."""
+    flat = np.linspace(0, image.size - 1, min(_SAMPLES, image.size)).astype(np.int64)
+    some = image.ravel()[flat][finite.ravel()[flat]]
+    if len(some) == 0 or np.min(some) == np.max(some):
+        some = image[finite]
+    if len(some) == 0:
+        raise ArgumentError("image: none of its levels is a finite number.")
+    return some.astype(np.float64)
+
+
+def _step(sample: FloatArray, epsilon: float) -> float:
+    """Return the least step between different levels of `sample` (n,), within (-1, 1); 1 where there is none."""
+    levels = np.unique(sample)
+    gaps = np.diff(levels)
+    gaps = gaps[gaps > _ROUNDING * epsilon]
+    return max(float(gaps.min()), float(np.ptp(levels)) / _MOST_STEPS) if len(gaps) else 1.0
