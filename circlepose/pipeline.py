@@ -200,6 +200,12 @@ def _image_result(
     rejected: Counter[Rejection],
     incomplete: str,
 ) -> ImageResult:
+    if target.depth_range_mm is not None and (
+        target.axis_intervals is None or target.axis_intervals.major_px is None
+    ):
+        # The depth range was the reason for the interval.
+        rejected = rejected + Counter({Rejection.DEPTH: rejected[Rejection.MAJOR_AXIS]})
+        del rejected[Rejection.MAJOR_AXIS]
     complete = {c.instance for c in circles if Flag.LONE_CIRCLE not in c.flags}
     counts = {str(reason): number for reason, number in sorted(rejected.items()) if number}
     status, reason = Status.OK, ""

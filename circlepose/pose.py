@@ -167,3 +167,5 @@ class ImageResult:
     """(width, height) px"""
     rejected: Mapping[str, int] = field(default_factory=dict)
     """how many contours were not used, by reason"""
+    remark: str = ""
+    """what else is to be said of the image file: that it has more pages"""

@@ -294,12 +294,12 @@ def test_an_output_file_stands_as_it_was_when_the_run_breaks(run, folder, tmp_pa
 
 
 def test_a_bug_costs_its_image_and_is_told_with_code_1(run, folder, monkeypatch):
-    read = local.read_image
+    read = local.read_photograph
 
     def broken(path):
         return 1 / 0 if path.name == "disc0.png" else read(path)
 
-    monkeypatch.setattr(local, "read_image", broken)
+    monkeypatch.setattr(local, "read_photograph", broken)
     code, out, err = run("estimate", folder)
     assert code == 1
     assert [row["status"] for row in rows_of(out)] == ["internal_error", "ok", "ok"]
@@ -312,13 +312,13 @@ def test_a_bug_costs_its_image_and_is_told_with_code_1(run, folder, monkeypatch)
 
 
 def test_an_image_that_vanishes_while_others_are_measured_is_a_row(run, folder, monkeypatch):
-    read = local.read_image
+    read = local.read_photograph
 
     def read_and_remove(path):
         (folder / "disc1.png").unlink(missing_ok=True)
         return read(path)
 
-    monkeypatch.setattr(local, "read_image", read_and_remove)
+    monkeypatch.setattr(local, "read_photograph", read_and_remove)
     code, out, err = run("estimate", folder)
     assert code == 3
     assert [(row["image"], row["status"]) for row in rows_of(out)][-1] == ("disc1.png", "unreadable")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 
+import cv2
 import pytest
 
 from discs import RADIUS_MM, disc_folder
@@ -85,3 +86,20 @@ def test_a_folder_of_films_alone_names_how_to_convert_them(tmp_path):
     done = run("estimate", tmp_path)
     assert done.returncode == 2
     assert "holds no image, only 1 other file (a.mov); convert first (a film: ffmpeg -i" in done.stderr
+
+
+def test_the_other_pages_of_a_tiff_are_not_passed_over_in_silence(folder, tmp_path):
+    image = cv2.imread(str(folder / "disc0.png"), cv2.IMREAD_GRAYSCALE)
+    assert cv2.imwritemulti(str(tmp_path / "pages.tif"), [image] * 3)
+    done = run("estimate", tmp_path, "--calib", folder / "camera.yaml", "--radius-mm", RADIUS_MM)
+    assert done.returncode == 0
+    assert done.stderr.startswith(
+        "pages.tif: has 3 pages; only the first was measured, split the file to measure all\n"
+    )
+
+
+def test_the_depth_range_is_named_where_it_is_the_reason(folder):
+    done = run("estimate", folder / "disc0.png", "--depth-range-mm", "1000:2000")
+    assert done.returncode == 3
+    assert "depth outside its range" in done.stderr
+    assert "major axis" not in done.stderr

@@ -15,7 +15,8 @@ import pytest
 from circlepose._typing import Image
 from circlepose.errors import ImageError, OutputError
 from circlepose.files.image_bytes import JPEG_2000_VARIABLE, is_image_name
-from circlepose.files.images import IMAGE_SUFFIXES, read_image, write_image
+from circlepose.files.image_pages import more_pages
+from circlepose.files.images import IMAGE_SUFFIXES, read_image, read_photograph, write_image
 
 HEIGHT, WIDTH = 60, 90
 
@@ -230,3 +231,20 @@ def test_real_images_are_read_as_opencv_reads_them(shared_data: Path) -> None:
     assert paths
     for path in paths:
         np.testing.assert_array_equal(read_image(path), cv2.imread(str(path), cv2.IMREAD_UNCHANGED))
+
+
+@pytest.mark.parametrize(("pages", "dtype"), [(1, np.uint8), (3, np.uint8), (2, np.uint16)])
+def test_more_pages_of_a_tiff_are_remarked_on(tmp_path, pages, dtype):
+    path = tmp_path / "a.tif"
+    assert cv2.imwritemulti(str(path), [picture(dtype)] * pages)
+    image, remark = read_photograph(path)
+    np.testing.assert_array_equal(image, picture(dtype))
+    assert remark == (
+        "" if pages == 1 else f"has {pages} pages; only the first was measured, split the file to measure all"
+    )
+
+
+def test_a_chain_of_pages_that_is_a_loop_ends():
+    first = b"II*\0" + (8).to_bytes(4, "little") + (0).to_bytes(2, "little") + (8).to_bytes(4, "little")
+    assert "pages" not in more_pages(first, "TIFF")
+    assert more_pages(b"MM\0*\xff\xff\xff\xff", "TIFF") == ""

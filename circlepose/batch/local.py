@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import closing, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain, islice
 from pathlib import Path
@@ -22,7 +22,7 @@ from circlepose._typing import Image
 from circlepose.batch.pool import Failed, Known, Loss, Lost, run_in_workers
 from circlepose.camera import Camera
 from circlepose.errors import ArgumentError, CircleposeError, ImageError
-from circlepose.files.images import read_image, write_image
+from circlepose.files.images import read_photograph, write_image
 from circlepose.files.remote import Place
 from circlepose.pose import ImageResult, Status
 from circlepose.target import Target
@@ -87,7 +87,7 @@ def measure_file(item: WorkItem, options: MeasureOptions) -> ImageResult:
 
 def _measure_file(item: WorkItem, options: MeasureOptions) -> ImageResult:
     try:
-        image = read_image(item.path)
+        image, remark = read_photograph(item.path)
     except ImageError as error:
         return ImageResult(image=item.name, status=Status(error.status), reason=_without_name(error, item))
     result = pipeline.estimate(
@@ -103,7 +103,7 @@ def _measure_file(item: WorkItem, options: MeasureOptions) -> ImageResult:
     )
     if item.overlay is not None:
         _write_overlay(item.overlay, image, result, item.camera, overwrite=item.overwrite)
-    return result
+    return replace(result, remark=remark) if remark else result
 
 
 def _without_name(error: ImageError, item: WorkItem) -> str:

@@ -22,6 +22,7 @@ from circlepose.files.image_bytes import (
     without_remarks,
 )
 from circlepose.files.image_content import read_content
+from circlepose.files.image_pages import more_pages
 from circlepose.files.image_size import over_limit, stated_size, too_many_scans
 from circlepose.files.marks import HEAD_BYTES, is_drawn, with_picture_mark
 from circlepose.files.remote import RemoteFile
@@ -40,10 +41,16 @@ def read_image(path: str | os.PathLike[str] | RemoteFile) -> Image:
     ImageError
         With the status `unreadable`, `not_an_image`, `truncated_image`, `too_large` or `not_allowed`.
     """
-    if isinstance(path, RemoteFile):
-        return decode_image(path.read_bytes(), str(path))
-    name = os.fspath(path)
-    return decode_image(read_content(name), name)
+    return read_photograph(path)[0]
+
+
+def read_photograph(path: str | os.PathLike[str] | RemoteFile) -> tuple[Image, str]:
+    """Return what `read_image` does, and in words what else the file holds: more pages; empty where nothing."""
+    is_remote = isinstance(path, RemoteFile)
+    name = str(path) if is_remote else os.fspath(path)
+    content = path.read_bytes() if is_remote else read_content(name)
+    image = decode_image(content, name)
+    return image, more_pages(content, known_format(content) or "")
 
 
 def decode_image(content: bytes, name: str) -> Image:

@@ -27,6 +27,7 @@ def image_record(result: ImageResult) -> Row:
         "image": result.image,
         "status": result.status,
         "reason": result.reason,
+        "remark": result.remark,
         "width": width,
         "height": height,
         "circles": [_circle_record(circle) for circle in result.circles],

@@ -75,6 +75,8 @@ class Reporter:
         else:
             self.failures[status] += 1
             self.note(f"{result.image}: {reason or status}")
+        if result.remark:
+            self.note(f"{result.image}: {result.remark}")
         if result.rejected:
             counts = ", ".join(f"{reason} {number}" for reason, number in result.rejected.items())
             self.detail(f"{result.image}: contours not used: {counts}")
