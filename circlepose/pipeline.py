@@ -130,7 +130,7 @@ def estimate(
         if any(Flag.LONE_CIRCLE in circle.flags for circle in circles):
             incomplete = contradiction(all_rims, camera, target)
     circles = with_all_terms(circles, camera, target)
-    return _image_result(name, size, target, circles, rejected, incomplete)
+    return _image_result(name, size, target, circles, rejected, incomplete, intervals)
 
 
 def _sought_rims(
@@ -199,19 +199,14 @@ def _image_result(
     circles: list[CircleResult],
     rejected: Counter[Rejection],
     incomplete: str,
+    intervals: AxisIntervals,
 ) -> ImageResult:
-    if target.depth_range_mm is not None and (
-        target.axis_intervals is None or target.axis_intervals.major_px is None
-    ):
-        # The depth range was the reason for the interval.
-        rejected = rejected + Counter({Rejection.DEPTH: rejected[Rejection.MAJOR_AXIS]})
-        del rejected[Rejection.MAJOR_AXIS]
     complete = {c.instance for c in circles if Flag.LONE_CIRCLE not in c.flags}
     counts = {str(reason): number for reason, number in sorted(rejected.items()) if number}
     status, reason = Status.OK, ""
     if not circles:
         status = Status.NO_CIRCLE
-        reason = _why_none(rejected)
+        reason = _why_none(rejected) + _sizes_of_depths(target, intervals)
     elif not complete:
         status = Status.TOO_FEW_CIRCLES
         reason = f"no complete target: one circle alone was measured, as the {circles[0].circle} one{incomplete}"
@@ -219,6 +214,18 @@ def _image_result(
         status = Status.TOO_FEW_CIRCLES
         reason = f"{len(complete)} of {target.count} found"
     return ImageResult(name, status, reason, tuple(circles), size, counts)
+
+
+def _sizes_of_depths(target: Target, intervals: AxisIntervals) -> str:
+    """Return which sizes were looked for, where they follow from the depth range: a reason that is overlooked."""
+    given = target.axis_intervals is not None and target.axis_intervals.major_px is not None
+    if target.depth_range_mm is None or given or intervals.major_px is None:
+        return ""
+    near, far = target.depth_range_mm
+    low, high = intervals.major_px
+    return (
+        f"; depth_range_mm {near:g} to {far:g} means major axes of {low:.0f} to {high:.0f} px, no others were taken"
+    )
 
 
 def _why_none(rejected: Counter[Rejection]) -> str:

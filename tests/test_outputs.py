@@ -312,7 +312,8 @@ def test_an_interrupted_run_leaves_the_complete_table_in_its_place(run, folder, 
     before = out.read_bytes()
     command = [COMMAND[0], "-c", SLOW, "estimate", str(folder), "-o", str(out)]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment()) as process:
-        assert process.stderr.readline() == "waiting\n"
+        while process.stderr.readline() != "waiting\n":
+            assert process.poll() is None
         process.send_signal(number)
         _, err = process.communicate(timeout=120)
     assert process.returncode == 130

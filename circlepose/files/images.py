@@ -46,9 +46,11 @@ def read_image(path: str | os.PathLike[str] | RemoteFile) -> Image:
 
 def read_photograph(path: str | os.PathLike[str] | RemoteFile) -> tuple[Image, str]:
     """Return what `read_image` does, and in words what else the file holds: more pages; empty where nothing."""
-    is_remote = isinstance(path, RemoteFile)
-    name = str(path) if is_remote else os.fspath(path)
-    content = path.read_bytes() if is_remote else read_content(name)
+    if isinstance(path, RemoteFile):
+        name, content = str(path), path.read_bytes()
+    else:
+        name = os.fspath(path)
+        content = read_content(name)
     image = decode_image(content, name)
     return image, more_pages(content, known_format(content) or "")
 
