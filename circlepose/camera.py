@@ -71,7 +71,7 @@ class Camera:
         """Check the numbers and return the camera; raises `CalibrationError` on what cannot be a camera."""
         matrix = arguments.float_array("camera_matrix", camera_matrix, "3 x 3 numbers", CalibrationError)
         if matrix.shape == (3, 3) and matrix[2, 2] not in (0.0, 1.0):
-            with np.errstate(over="ignore"):
+            with np.errstate(over="ignore", invalid="ignore"):
                 matrix = matrix / matrix[2, 2]
         coefficients = arguments.float_array("dist_coeffs", dist_coeffs, "numbers", CalibrationError).ravel()
         return cls(frozen(matrix), frozen(coefficients), image_size, model, sigma)

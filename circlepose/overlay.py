@@ -12,6 +12,7 @@ from circlepose import captions
 from circlepose._typing import FloatArray, Image
 from circlepose.camera import Camera, circle_contour
 from circlepose.captions import Box, Color
+from circlepose.extraction.float_levels import in_steps
 from circlepose.pose import Candidate, CircleResult, ImageResult, Status
 
 SMALLEST_PICTURE = 1000
@@ -123,6 +124,8 @@ def to_bgr8(image: Image) -> Image:
     """Return a new picture for display; more than 8 bits are stretched to the range that is there."""
     array = np.asarray(image)
     if array.dtype != np.uint8:
+        if array.dtype.kind == "f":
+            array = np.nan_to_num(in_steps(array))
         low, high = float(array.min()), float(array.max())
         array = ((array - low) * (255.0 / max(high - low, 1e-12))).astype(np.uint8)
     if array.ndim == 2 or array.shape[2] == 1:

@@ -81,7 +81,7 @@ def test_which_two_levels_they_are_does_not_count() -> None:
         .center
         for kind, light, dark in LEVELS.values()
     ]
-    assert np.max(np.ptp([each.center for each in results], axis=0)) < 0.05
+    assert np.max(np.ptp(results, axis=0)) < 0.05
 
 
 RIM = Ellipse.from_axes([[30.0, 24.0]], [[15.0, 9.0]], [0.4])
