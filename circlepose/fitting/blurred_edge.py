@@ -26,8 +26,8 @@ from circlepose.fitting.blurred_share import SHAPES, Places, Share, normal_share
 LINEAR = 11
 """Levels in all: harmonic polynomials inside and outside, and the term beside a Gaussian."""
 FINEST, FINEST_CURVED = 6, 9
-"""Order of the finest harmonic of texture; the second where shares are `curved`: on an elongated disc texture is steep
-across the rim. With 6 there, the center is off along the major axis by twice its sigma."""
+"""Order of the finest harmonic of texture; the second where shares are `curved`: on an elongated disc texture is
+steep across the rim. With 6 there, the center is off along the major axis by twice its sigma."""
 _BAND_PX = 4.0
 _RIDGE = 1e-9
 """Relative to the mean square of the columns: levels that no pixel tells of stay finite."""
