@@ -46,7 +46,7 @@ def accepted(grey: Image, camera: Camera, rims: Sequence[Rim], fit: LevelsFit, l
     factors = fit.factors[believed]
     ellipses, found = image_ellipses(camera, factors)
     # What hides a part of a rim has levels of its own, which pull: there the edges that agree have the last word.
-    hidden = np.array([rims[k].rim_used < _FULL_RIM for k in believed.tolist()])
+    hidden = np.array([_is_hidden(rims[k], float(fit.rim_used[k])) for k in believed.tolist()])
     before = Ellipse.batch([rims[k].ellipse for k in believed.tolist()])
     farthest = np.max(np.abs(rim_distance(before, ellipses.points(_PLACES))), axis=1)
     found &= farthest <= np.where(hidden, _FARTHEST_HIDDEN_PX, _FARTHEST_PX)
@@ -55,9 +55,14 @@ def accepted(grey: Image, camera: Camera, rims: Sequence[Rim], fit: LevelsFit, l
         if not found[j]:
             continue
         second = np.sqrt(np.trace(fit.covariance[k, 3:, 3:]) / 2.0)
+        points, off = rims[k].points, residuals[j]
+        if rims[k].modes_covariance is not None:
+            # The points were those of its own ellipse: no edges, from which to be off.
+            points, off = ellipses[j].points(len(points)), rims[k].cone.residuals_px
         done[k] = replace(
             rims[k],
-            cone=ConeFit(factors[j], residuals[j]),
+            cone=ConeFit(factors[j], off),
+            points=points,
             ellipse=ellipses[j],
             rim_used=float(fit.rim_used[k]),
             polarity=-1 if fit.contrast_levels[k] > 0.0 else 1,
@@ -65,6 +70,11 @@ def accepted(grey: Image, camera: Camera, rims: Sequence[Rim], fit: LevelsFit, l
             modes_covariance=fit.covariance[k],
         )
     return done
+
+
+def _is_hidden(rim: Rim, used_again: float) -> bool:
+    """Tell whether a part of a rim is hidden; a thin rim fitted as a whole leaves out what is only shaded, too."""
+    return rim.rim_used < _FULL_RIM and (rim.modes_covariance is None or used_again < _FULL_RIM)
 
 
 def _are_believed(grey: Image, rims: Sequence[Rim], fit: LevelsFit, lone: BoolArray) -> BoolArray:

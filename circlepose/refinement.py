@@ -34,6 +34,8 @@ _LEAST_UNEQUAL = 0.1
 """Less is not told from texture."""
 _MANY = 5
 """Rims that tell of the blur that they share."""
+_LEAST_WIDTH_PX = 3.0
+"""Semi-minor axis of a thin rim that was fitted as a whole, from which its levels are fitted again."""
 _SMALL_PX = 20.0
 """Semi-minor axis below which unequal blur passes for a tilt."""
 
@@ -47,7 +49,7 @@ def refined(grey: Image, camera: Camera, rims: Sequence[Rim]) -> list[Rim]:
     grey = as_fitted(grey, [rim.ellipse for rim in rims])
     limits = level_limits(grey)
     done = list(rims)
-    open_ = [i for i, rim in enumerate(rims) if rim.modes_covariance is None]
+    open_ = [i for i, rim in enumerate(rims) if rim.modes_covariance is None or _has_two_sides(rim)]
     many = len(open_) >= _MANY
     reach = np.full(len(rims), REACH_PX)
     blur = start_blur(len(rims))
@@ -94,10 +96,15 @@ def refined(grey: Image, camera: Camera, rims: Sequence[Rim]) -> list[Rim]:
             done[i] = rim
         ellipses = [rim.ellipse for rim in done]
     for i in open_:
-        if done[i] is rims[i]:
+        if done[i] is rims[i] and rims[i].modes_covariance is None:
             placed = rims[i] if rims[i].is_placed else with_edges_placed(whole, camera, rims[i])
             done[i] = replace(placed or rims[i], is_edges_only=True)
     return done
+
+
+def _has_two_sides(rim: Rim) -> bool:
+    """Tell whether blur leaves the sides of a rim apart, so that levels inside and outside can be shaded."""
+    return float(rim.ellipse.semi_minor) > _LEAST_WIDTH_PX
 
 
 def _perimeter(rim: Rim) -> float:

@@ -25,9 +25,9 @@ from circlepose.fitting.blurred_share import SHAPES, Places, Share, normal_share
 
 LINEAR = 11
 """Levels in all: harmonic polynomials inside and outside, and the term beside a Gaussian."""
-_FINEST = 6
-"""Order of the finest harmonic by which texture is met."""
-TEXTURES = 1 + 2 * _FINEST + 2 * (_FINEST - 2)
+FINEST, FINEST_CURVED = 6, 9
+"""Order of the finest harmonic of texture; the second where shares are `curved`: on an elongated disc texture is
+steep across the rim. With 6 there, the center is off along the major axis by twice its sigma."""
 _BAND_PX = 4.0
 _RIDGE = 1e-9
 """Relative to the mean square of the columns: levels that no pixel tells of stay finite."""
@@ -159,10 +159,13 @@ class Columns:
         return square, levels[:, 0] - levels[:, self.shapes.shape[1]]
 
     @classmethod
-    def of(cls, bands: Bands, at: Places, share: Share, *, textured: bool = False) -> Self:
-        """Return those of the pixels of `bands`, `at` their places, with their `share`."""
+    def of(cls, bands: Bands, at: Places, share: Share, *, finest: int = 0) -> Self:
+        """Return those of the pixels of `bands`, `at` their places, with their `share`.
+
+        With levels for texture up to harmonics of that `finest` order; 0 for none.
+        """
         z = share.z
-        shapes = texture_shapes(at) if textured else at.shapes
+        shapes = texture_shapes(at, finest) if finest else at.shapes
         number = shapes.shape[1]
         # A multiple of four rows, which products of matrices like; what was measured among them, as the right side.
         columns = np.empty((len(z), 2 * number + 2, z.shape[1]), z.dtype)
@@ -228,13 +231,18 @@ def _regular(gram: FloatArray, stiff: FloatArray | float = 0.0) -> FloatArray:
     return np.asarray(gram + (stiff + ridge[:, None])[:, :, None] * np.eye(gram.shape[1]))
 
 
-def texture_shapes(at: Places) -> RealArray:
-    """Return the `harmonics` (m, 26, k) and what texture may add: finer ones, and slopes across the rim, as fine.
+def textures(finest: int) -> int:
+    """Return how many levels for texture there are on each side, with harmonics up to an order `finest`."""
+    return 1 + 2 * finest + 2 * (finest - 2)
+
+
+def texture_shapes(at: Places, finest: int = FINEST) -> RealArray:
+    """Return the `harmonics` (m, 5 + t, k) and what texture may add: finer ones, and slopes across the rim, as fine.
 
     That is what a level that varies on the scale of the band or more does within it, to first order.
     """
     p0, p1 = at.plane
-    shapes = np.empty((len(p0), SHAPES + TEXTURES, p0.shape[1]), p0.dtype)
+    shapes = np.empty((len(p0), SHAPES + textures(finest), p0.shape[1]), p0.dtype)
     shapes[:, :SHAPES] = at.shapes
     per_radius = 1.0 / np.maximum(at.radius, 1e-6)
     u0, u1 = p0 * per_radius, p1 * per_radius
@@ -242,7 +250,7 @@ def texture_shapes(at: Places) -> RealArray:
     cos, sin = np.ones_like(u0), np.zeros_like(u0)
     shapes[:, SHAPES] = slope
     place = SHAPES + 1
-    for order in range(1, _FINEST + 1):
+    for order in range(1, finest + 1):
         cos, sin = cos * u0 - sin * u1, cos * u1 + sin * u0
         if order > 2:
             shapes[:, place], shapes[:, place + 1] = cos, sin

@@ -5,7 +5,8 @@ With x along the major axis, y across, and x' = a sin u,
     c(x, y) = integral G(x - a sin u) [Phi((y + b cos u)/sigma) - Phi((y - b cos u)/sigma)] a cos u du
 
 is the share of the ellipse in the level at (x, y), blur and pixel box taken together as a Gaussian of sigma;
-the level is out (1 - c) + in c, with a linear gradient in `out`. Exact for any axes, down to a segment; the
+the level is out (1 - c) + in c, with a linear gradient in `out`, and one along the major axis in `in`: across it, a
+gradient would pass for a shift of a segment. Exact for any axes, down to a segment; the
 cost per pixel does not depend on the size, but the quadrature is made for b up to about 10 sigma.
 
 Parameters are theta (6,): centre x, y, semi-major, semi-minor (px), angle (rad) and sigma (px).
@@ -60,7 +61,7 @@ class State:
     cost: float
     jacobian: FloatArray
     residual: FloatArray
-    """0 where a pixel is not fitted; the last two keep the gradient of the levels small"""
+    """0 where a pixel is not fitted; the last three keep the gradients of the levels small"""
     misfit: FloatArray
     """of all pixels"""
     contrast: float
@@ -137,19 +138,20 @@ def evaluate(theta: FloatArray, problem: Problem) -> State:
     share, derivatives = _share(theta, problem.points)
     offset = problem.points - problem.origin
     outside = 1.0 - share
-    linear = np.stack([share, outside, outside * offset[:, 0], outside * offset[:, 1]], axis=-1)
+    along = offset @ np.array([np.cos(theta[4]), np.sin(theta[4])])
+    linear = np.stack([share, outside, outside * offset[:, 0], outside * offset[:, 1], share * along], axis=-1)
     root = problem.fade * problem.chosen
     weight = float(np.sum(root**2))
-    stiffness = np.zeros((2, 4))
-    stiffness[:, 2:] = np.sqrt(weight) * _STEEP_PX * np.eye(2)
+    stiffness = np.zeros((3, 5))
+    stiffness[:, 2:] = np.sqrt(weight) * _STEEP_PX * np.eye(3)
     basis, triangle = np.linalg.qr(np.concatenate([linear * root[:, None], stiffness]))
     number = len(root)
     coefficients = np.linalg.lstsq(triangle, basis[:number].T @ (problem.levels * root), rcond=1e-10)[0]
     misfit = (linear @ coefficients - problem.levels) * problem.fade
     residual = np.append(misfit * problem.chosen, stiffness @ coefficients)
-    out = coefficients[1] + offset @ coefficients[2:]
-    slopes = np.zeros((number + 2, derivatives.shape[1]))
-    slopes[:number] = derivatives * ((coefficients[0] - out) * root)[:, None]
+    out = coefficients[1] + offset @ coefficients[2:4]
+    slopes = np.zeros((number + len(stiffness), derivatives.shape[1]))
+    slopes[:number] = derivatives * ((coefficients[0] + along * coefficients[4] - out) * root)[:, None]
     # Variable projection: what a change of the levels would make up for is no information.
     slopes = slopes - basis @ (basis.T @ slopes)
     square = float(np.sum(residual[:number] ** 2))

@@ -38,20 +38,18 @@ class Seen:
     blur: FloatArray
     at: Places
     columns: Columns
-    textured: bool = False
-    """whether there are levels for texture"""
+    finest: int = 0
+    """order of the finest harmonic of the levels for texture; 0 where there are none"""
 
     @classmethod
-    def of(
-        cls, bands: Bands, factors: FloatArray, blur: FloatArray, shares: Shares, *, textured: bool = False
-    ) -> Seen:
+    def of(cls, bands: Bands, factors: FloatArray, blur: FloatArray, shares: Shares, *, finest: int = 0) -> Seen:
         """Return the rims of cones with `factors` (m, 3, 3) and `blur` (m, 3), as the pixels of `bands` see them."""
         at = places(bands, factors)
-        return cls(factors, blur, at, Columns.of(bands, at, shares(at, blur), textured=textured), textured)
+        return cls(factors, blur, at, Columns.of(bands, at, shares(at, blur), finest=finest), finest)
 
     def weighted(self, bands: Bands) -> Seen:
         """Return the same with the weight that the pixels have in `bands`."""
-        return replace(self, columns=Columns.of(bands, self.at, self.columns.share, textured=self.textured))
+        return replace(self, columns=Columns.of(bands, self.at, self.columns.share, finest=self.finest))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -134,7 +132,7 @@ def descend(
             break
         some = bands if len(which) == len(every) else rows(bands, which)
         moved_to = _after(factors[which], blur[which], step[which])
-        trial = Seen.of(some, *moved_to, shares, textured=seen.textured)
+        trial = Seen.of(some, *moved_to, shares, finest=seen.finest)
         new_state, new_equations, new_cost = evaluate(trial, which)
         better = new_cost <= cost[which]
         damping[which] = np.where(better, damping[which] * 0.1, np.maximum(damping[which] * 30.0, 1e-3))

@@ -12,7 +12,16 @@ import numpy as np
 
 from circlepose._typing import BoolArray, FloatArray, IntArray, RealArray
 from circlepose.fitting.band import Bands, Beyond
-from circlepose.fitting.blurred_edge import LINEAR, TEXTURES, Equations, Levels, fit_levels, stiffness
+from circlepose.fitting.blurred_edge import (
+    FINEST,
+    FINEST_CURVED,
+    LINEAR,
+    Equations,
+    Levels,
+    fit_levels,
+    stiffness,
+    textures,
+)
 from circlepose.fitting.blurred_share import BLUR, curved, straight
 from circlepose.fitting.correlation import correlation_of
 from circlepose.fitting.descent import SHORT_FIRST, Descent, Seen, Shares, descend, with_prior
@@ -199,10 +208,11 @@ def _textured(
     What varies near the rim, inside and outside, would else be taken for an edge a little elsewhere. What is left out
     stays so: texture would explain a card over the rim, too.
     """
-    seen = Seen.of(bands, told.factors, told.blur, shares, textured=True)
+    finest = FINEST_CURVED if shares is curved else FINEST
+    seen = Seen.of(bands, told.factors, told.blur, shares, finest=finest)
     kept = told.stiff.shape[1] // 2
     unknown = (told.noise_levels / (_LOOSE_TEXTURE * np.abs(told.contrast_levels))) ** 2
-    loose = np.tile(unknown[:, None], TEXTURES)
+    loose = np.tile(unknown[:, None], textures(finest))
     stiff = np.concatenate([told.stiff[:, :kept], loose, told.stiff[:, kept:-1], loose, told.stiff[:, -1:]], axis=1)
     state = fit_levels(seen.columns, stiff)
     variance = _variance(state.square, bands, stiff.shape[1])
@@ -219,7 +229,7 @@ def _textured(
     if len(shows) < len(gain):
         told, bands, expected = rows((told, bands, expected), shows)
         stretch, stretches, stiff, prior = rows((stretch, stretches, stiff, prior), shows)
-        seen = Seen.of(bands, told.factors, told.blur, shares, textured=True)
+        seen = Seen.of(bands, told.factors, told.blur, shares, finest=finest)
     fit = descend(bands, seen, shares, stiff, prior, expected.mean)
     again = _told(fit, bands, expected, stretch, stretches, told.rim_used, told.stiff)
     converged = np.flatnonzero(again.converged)
