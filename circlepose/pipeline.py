@@ -22,7 +22,7 @@ from circlepose.ring_doubts import contradiction
 from circlepose.rings import find_ring_targets
 from circlepose.second_rim import with_second_rims
 from circlepose.solutions import results_of_rims
-from circlepose.solvers import METHODS
+from circlepose.solvers import methods_for
 from circlepose.solvers.solve import solve
 from circlepose.target import AxisIntervals, Target
 from circlepose.uncertainty import with_all_terms
@@ -54,7 +54,8 @@ def estimate(
     target
         What to look for, and how many.
     method
-        A name of `circlepose.solvers.METHODS`, or `all`.
+        A name of `circlepose.solvers.METHODS`, or `all`. `fu-zhou` is for ring targets only: `all` leaves it out for
+        lone circles.
     refine
         Place the edges anew along the rim that the lens model predicts. Without it the pose is that of the
         extracted contour.
@@ -71,11 +72,9 @@ def estimate(
     Raises
     ------
     ArgumentError
-        On misuse: an array that is no image, an unknown method.
+        On misuse: an array that is no image, an unknown method, `fu-zhou` for a target of kind circle.
     """
-    methods = METHODS if method == "all" else (method,)
-    if not set(methods) <= set(METHODS):
-        raise ArgumentError(f"method: expected all or one of {', '.join(METHODS)}, got {method!r}.")
+    methods = methods_for(target.kind, method)
     if extraction not in EXTRACTIONS:
         raise ArgumentError(f"extraction: expected one of {', '.join(EXTRACTIONS)}, got {extraction!r}.")
     grey = to_grey(image)

@@ -38,7 +38,7 @@ def test_columns_are_those_agreed_on_in_their_order():
         "image, instance, circle, method, solution, chosen, status, center_x_mm, center_y_mm, center_z_mm, "
         "normal_x, normal_y, normal_z, radius_mm, position_difference_mm, orientation_difference_deg, "
         "generatrix_mm, ambiguity, center_u_px, center_v_px, semi_major_px, semi_minor_px, angle_deg, residual_px, "
-        "cone, sigma_x_mm, sigma_y_mm, sigma_z_mm, sigma_normal_deg, flags, rim_used, score"
+        "cone, sigma_x_mm, sigma_y_mm, sigma_z_mm, sigma_normal_deg, flags, rim_used, score, settled_by"
     )
 
 

@@ -12,11 +12,12 @@ from pathlib import Path
 from circlepose.batch.journal import Journal
 from circlepose.batch.local import MeasureOptions, WorkItem, available_cores, measure_files
 from circlepose.batch.resume import measure_with_journal
-from circlepose.errors import UsageError
+from circlepose.errors import ArgumentError, UsageError
 from circlepose.files.inputs import InputImage, are_streamed, expand_inputs
 from circlepose.files.reference import Reference, read_reference
 from circlepose.files.remote import Place, place_of
 from circlepose.pose import ImageResult
+from circlepose.solvers import methods_for
 from circlepose_cli.destination import open_journal, open_output
 from circlepose_cli.interruption import EXIT_CODE as INTERRUPTED
 from circlepose_cli.interruption import Interruption
@@ -71,7 +72,7 @@ def run(request: Request) -> int:
         target_file=request.target_file,
         radius_mm=request.radius_mm,
         overrides=request.overrides,
-        tell=lambda folder, setup: _tell_setup(reporter, folder, setup),
+        tell=lambda folder, setup: _accept_setup(reporter, folder, setup, request.method),
     )
     reference = _reference(request)
     images, total = _images(request, setups)
@@ -160,7 +161,11 @@ def _work_items(images: Iterable[InputImage], setups: Setups, overlays: OverlayN
         yield WorkItem(image.path, image.name, setup.camera_file.camera, setup.target, overlay)
 
 
-def _tell_setup(reporter: Reporter, folder: Place, setup: Setup) -> None:
+def _accept_setup(reporter: Reporter, folder: Place, setup: Setup, method: MethodChoice) -> None:
+    try:
+        methods_for(setup.target.kind, method.value)
+    except ArgumentError as error:
+        raise UsageError(f"{setup.target_origin}: --{error}") from None
     for note in setup.camera_file.notes:
         reporter.note(f"{setup.camera_file.path}: {note}.")
     reporter.detail(f"{folder}: camera {setup.camera_file.path}, target {setup.target_origin}")
