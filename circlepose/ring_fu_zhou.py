@@ -22,7 +22,6 @@ from circlepose.ring_checks import (
     chance_by_generatrix,
     partner_of,
     with_generatrix,
-    with_vanishing_normal,
 )
 from circlepose.ring_flatness import STEP_WEIGHT
 from circlepose.solvers import FU_ZHOU
@@ -52,15 +51,18 @@ def by_vanishing_line(
     results = []
     for result in own:
         kept = tuple(flag for flag in result.flags if flag is not Flag.AMBIGUOUS)
-        found = replace(
-            result,
-            method=FU_ZHOU,
-            candidates=(pose,),
-            ambiguity=_chance_of_other(check),
-            settled_by=SettledBy.VANISHING_LINE,
-            flags=(*kept, *flags),
+        results.append(
+            replace(
+                result,
+                method=FU_ZHOU,
+                candidates=(pose,),
+                ambiguity=_chance_of_other(check),
+                settled_by=SettledBy.VANISHING_LINE,
+                vanishing_normal=check.pose.normal,
+                vanishing_sigma_deg=float(np.degrees(check.pose.sigma_rad)),
+                flags=(*kept, *flags),
+            )
         )
-        results.append(with_vanishing_normal(found, check.pose))
     return results
 
 

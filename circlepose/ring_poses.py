@@ -110,7 +110,7 @@ def target_poses(
         problems.append(RingProblem(evidence, height, _height_sigma(target)))
     found = _optima(problems, starts)
     if target.kind == "coplanar":
-        hypotheses = _with_free_heights(found, free_heights(evidence, starts), target.flatness_mm)
+        hypotheses = _hypotheses_of_coplanar(evidence, starts, found, target.flatness_mm)
     else:
         hypotheses = [_Hypothesis(joint, joint.log_weight) for joint in found if joint is not None]
     return _ranked(hypotheses, evidence, placed, cone)
@@ -130,25 +130,27 @@ def _optima(problems: Sequence[RingProblem], starts: Sequence[AxisPose]) -> list
     ]
 
 
-def _with_free_heights(
-    flat: Sequence[JointPose | None], free: Sequence[JointPose | None], flatness_mm: float
+def _hypotheses_of_coplanar(
+    rims: tuple[RimEvidence, ...], starts: list[AxisPose], tolerant: Sequence[JointPose | None], flatness_mm: float
 ) -> list[_Hypothesis]:
-    """Return the hypotheses of a coplanar target, from the fits of both candidates with a `flat` and a `free` height.
+    """Return the hypotheses of a coplanar target from its candidates' `starts` and fits `tolerant` of its flatness.
 
-    The free fits compete, each weighted by how flat it is; where they are not two, near the axis, the flat ones do.
+    Fits with a free height compete, each weighted by how flat it is; where they are not two, near the axis, the
+    tolerant ones do. A candidate under which the target has a step is fitted flat: it stands for a flat target.
     """
-    first, second = free
-    are_two = first is not None and second is not None and not are_one(first, second)
+    free = free_heights(rims, starts)
+    are_two = None not in free and not are_one(*(each for each in free if each is not None))
+    flat = RingProblem(rims)
     hypotheses = []
-    for joint, known in zip(flat, free, strict=True):
-        best = known if joint is None else joint
-        if best is None:
+    for start, usual, known in zip(starts, tolerant, free, strict=True):
+        stepped = known is not None and is_stepped(known, flatness_mm)
+        joint = (flat.solve(start) or usual if stepped else usual) or known
+        if joint is None:
             continue
-        weight = best.log_weight
+        weight = joint.log_weight
         if are_two and known is not None:
             weight = known.log_weight + log_flatness(known, flatness_mm)
-        stepped = known is not None and is_stepped(known, flatness_mm)
-        hypotheses.append(_Hypothesis(best, weight, known, stepped))
+        hypotheses.append(_Hypothesis(joint, weight, known, stepped))
     return hypotheses
 
 

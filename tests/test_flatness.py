@@ -6,6 +6,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
+from flatness import CAMERA, View, flips_at, law, measured, rims_of, views
 
 from circlepose.errors import TargetError
 from circlepose.files.target_file import target_from_mapping, target_to_mapping
@@ -14,7 +15,6 @@ from circlepose.ring_checks import DISTRUST
 from circlepose.ring_flatness import STEP_WEIGHT
 from circlepose.rings import find_ring_targets
 from circlepose.target import FLATNESS_SHARE, Target
-from flatness import CAMERA, View, flips_at, law, measured, rims_of, views
 
 RADII = (45.0, 30.0)
 DISTANCE = 714.0

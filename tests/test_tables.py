@@ -175,7 +175,21 @@ def test_json_holds_full_precision_and_nests_by_image():
 def test_json_uses_the_tables_names():
     document = read_json([made_result(made_circle(covariance=COVARIANCE))])
     (circle,) = document["images"][0]["circles"]
-    extra = {"reason", "solutions", "covariance", "covariance_terms"}
+    extra = {
+        "reason",
+        "solutions",
+        "covariance",
+        "covariance_terms",
+        "vanishing_normal",
+        "vanishing_normal_sigma_deg",
+        "vanishing_normal_distance_deg",
+        "vanishing_normal_distance_sigmas",
+        "generatrix_expected_mm",
+        "generatrix_ends_mm",
+        "generatrix_ends_sigma_mm",
+        "height_mm",
+        "height_sigma_mm",
+    }
     assert (set(circle) | set(circle["solutions"][0])) - extra == set(COLUMNS) - {"image"}
 
 
