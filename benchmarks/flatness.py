@@ -208,8 +208,11 @@ def flips_at(radii: tuple[float, float], distance: float, tilt: float) -> float:
 
 def draw(path: Path) -> None:
     """Draw the law, with points by fits to exact rims."""
-    from matplotlib.figure import Figure  # noqa: PLC0415 - of an extra
+    import matplotlib as mpl  # noqa: PLC0415 - of an extra
+    from matplotlib.figure import Figure  # noqa: PLC0415
 
+    # Drawn again the file is the same.
+    mpl.rcParams.update({"svg.hashsalt": "flatness", "svg.fonttype": "none"})
     figure = Figure(figsize=(6.4, 4.0), layout="constrained")
     axes = figure.add_subplot()
     tilts = np.linspace(0.0, 85.0, 200)

@@ -140,17 +140,17 @@ def _hypotheses_of_coplanar(
     """
     free = free_heights(rims, starts)
     are_two = None not in free and not are_one(*(each for each in free if each is not None))
-    flat = RingProblem(rims)
+    stepped = [known is not None and is_stepped(known, flatness_mm) for known in free]
+    flat = _optima([RingProblem(rims)] * 2, starts) if any(stepped) else tolerant
     hypotheses = []
-    for start, usual, known in zip(starts, tolerant, free, strict=True):
-        stepped = known is not None and is_stepped(known, flatness_mm)
-        joint = (flat.solve(start) or usual if stepped else usual) or known
+    for usual, known, has_step, exact in zip(tolerant, free, stepped, flat, strict=True):
+        joint = (exact if has_step else usual) or usual or known
         if joint is None:
             continue
         weight = joint.log_weight
         if are_two and known is not None:
             weight = known.log_weight + log_flatness(known, flatness_mm)
-        hypotheses.append(_Hypothesis(joint, weight, known, stepped))
+        hypotheses.append(_Hypothesis(joint, weight, known, has_step))
     return hypotheses
 
 
