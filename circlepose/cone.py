@@ -90,6 +90,12 @@ def cone_from_circle(center: FloatArray, normal: FloatArray, radius: FloatArray 
     return d**2 * np.eye(3) - d * (outer + np.swapaxes(outer, -1, -2)) + along * n[..., :, None] * n[..., None, :]
 
 
+def cone_from_factor(factor: FloatArray) -> FloatArray:
+    """Return `Q` (..., 3, 3) of a cone given by its `factor` (..., 3, 3), which is not flat."""
+    inverse = np.linalg.inv(factor)
+    return np.asarray(np.swapaxes(inverse, -1, -2) @ (SIGNATURE[:, None] * inverse))
+
+
 def dual_cone(factor: FloatArray) -> FloatArray:
     """Return the dual cone Q* = A diag(1, 1, -1) A' (..., 3, 3); of a circle R^2 (I - n n') - c c'."""
     return (factor * SIGNATURE) @ np.swapaxes(factor, -1, -2)

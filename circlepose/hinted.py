@@ -12,7 +12,7 @@ import numpy as np
 
 from circlepose._typing import FloatArray
 from circlepose.disambiguation.hints import Choice, choose, common_plane, facing, rough_normal, up_direction
-from circlepose.pose import Candidate, CircleResult, Flag
+from circlepose.pose import Candidate, CircleResult, Flag, SettledBy
 from circlepose.target import Target
 from circlepose.target_hints import facing_direction
 
@@ -35,8 +35,10 @@ def settled_by_hints(circles: list[CircleResult], target: Target) -> list[Circle
         index = [i for i, c in enumerate(circles) if c.method == method and len(c.candidates) == 2]
         if not index or not _hints_at(target, len(index)):
             continue
-        choice = _choice([circles[i] for i in index], target)
-        for i, chosen, wrong in zip(index, choice.chosen, choice.wrong, strict=True):
+        by_plane, by_hints = _scores([circles[i] for i in index], target)
+        choice = choose(by_plane + by_hints)
+        settled_by = _settled_by(choice, by_plane, by_hints)
+        for i, chosen, wrong, what in zip(index, choice.chosen, choice.wrong, settled_by, strict=True):
             circle = circles[i]
             first, second = circle.candidates
             flags = tuple(f for f in circle.flags if f is not Flag.AMBIGUOUS or wrong >= _UNTOLD)
@@ -44,6 +46,7 @@ def settled_by_hints(circles: list[CircleResult], target: Target) -> list[Circle
                 circle,
                 candidates=(first, second) if chosen == 0 else (second, first),
                 ambiguity=float(wrong),
+                settled_by=what,
                 flags=flags,
             )
     return settled
@@ -55,14 +58,24 @@ def _hints_at(target: Target, number: int) -> bool:
     return any(hint is not None for hint in own) or (target.coplanar and number > 1)
 
 
-def _choice(circles: list[CircleResult], target: Target) -> Choice:
+def _settled_by(choice: Choice, by_plane: FloatArray, by_hints: FloatArray) -> list[SettledBy]:
+    """Return what settled the choice of each circle: of plane and hints, which both may be given, the stronger."""
+    plane, hints = (np.abs(scores[:, 0] - scores[:, 1]) for scores in (by_plane, by_hints))
+    return [
+        SettledBy.NONE if wrong >= _UNTOLD else SettledBy.COMMON_PLANE if more else SettledBy.HINT
+        for wrong, more in zip(choice.wrong, plane > hints, strict=True)
+    ]
+
+
+def _scores(circles: list[CircleResult], target: Target) -> tuple[FloatArray, FloatArray]:
+    """Return the log likelihoods (m, 2) of the candidates by the common plane, and by the other hints."""
     normals = np.stack([[c.normal for c in circle.candidates] for circle in circles])
     errors = np.array([[_errors(circle, candidate) for candidate in circle.candidates] for circle in circles])
     sigma_rad = np.hypot(errors[..., 0], _FLATNESS_RAD)
-    scores = np.zeros(sigma_rad.shape)
+    by_plane, scores = np.zeros((2, *sigma_rad.shape))
     if target.coplanar and len(circles) > 1:
         centers = np.stack([[c.center for c in circle.candidates] for circle in circles])
-        scores = scores + common_plane(centers, normals, sigma_rad, np.hypot(errors[..., 1], _FLATNESS_MM))
+        by_plane = common_plane(centers, normals, sigma_rad, np.hypot(errors[..., 1], _FLATNESS_MM))
     # Either candidate is as likely, so both get the same spread.
     own_deg = np.degrees(sigma_rad.mean(axis=-1, keepdims=True))
     if target.normal_hint is not None:
@@ -73,7 +86,7 @@ def _choice(circles: list[CircleResult], target: Target) -> Choice:
         scores = scores + _bounded(up_direction(normals, np.array(target.up_hint.direction), spread))
     if target.facing is not None:
         scores = scores + facing(normals, np.array(facing_direction(target.facing)), sigma_rad)
-    return choose(scores)
+    return by_plane, scores
 
 
 def _bounded(log_likelihoods: FloatArray) -> FloatArray:

@@ -103,6 +103,11 @@ class JointPose:
         return np.asarray(self.excess * (derivatives @ self.covariance @ derivatives.T))
 
     @property
+    def height_sigma(self) -> float:
+        """Standard deviation of the height; 0 where it is fixed."""
+        return float(np.sqrt(self.excess * self.covariance[5, 5]))
+
+    @property
     def log_weight(self) -> float:
         """Logarithm of the probability of all poses around this one, up to a constant."""
         told = self.covariance[:5, :5] if self.covariance[5, 5] == 0.0 else self.covariance
@@ -144,7 +149,7 @@ class RingProblem:
     height: float = 0.0
     """that is known or assumed"""
     height_sigma: float = 0.0
-    """its standard deviation: 0 where it is fixed, as of coplanar rings, infinite where nothing is known"""
+    """its standard deviation: 0 where it is fixed, infinite where nothing is known"""
 
     def solve(self, start: AxisPose) -> JointPose | None:
         """Return the optimum nearest to `start`; None where there is none that the camera could see."""
@@ -187,6 +192,21 @@ class RingProblem:
         covariance[:free, :free] = np.linalg.inv(matrix) * np.outer(size, size)
         freedom = MODES * len(self.rims) - free + (1 if self._height_information > 0.0 else 0)
         return JointPose(pose, self._cost(pose, told), freedom, covariance)
+
+    def rim_covariance(self, number: int, pose: AxisPose) -> FloatArray | None:
+        """Return the covariance (5, 5) of a rim's modes at `pose`, with the tolerances of its circle and its height.
+
+        None where part of the rim determines nothing of some of them.
+        """
+        information = self._with_tolerances(pose)[number]
+        if np.linalg.cond(information) > _WORST_CONDITION:
+            return None
+        covariance = np.linalg.inv(information)
+        if number > 0:
+            rim = self.rims[number]
+            slope = pose_derivatives(rim.factor, *pose.circle(number), rim.radius)[:, :3] @ pose.normal
+            covariance = covariance + self.height_sigma**2 * np.outer(slope, slope)
+        return np.asarray(covariance)
 
     @property
     def _height_information(self) -> float:

@@ -25,7 +25,7 @@ from circlepose.ring_doubts import contradiction
 from circlepose.rings import find_ring_targets
 from circlepose.second_rim import with_second_rims
 from circlepose.solutions import results_of_rims
-from circlepose.solvers import METHODS
+from circlepose.solvers import methods_for
 from circlepose.solvers.solve import solve
 from circlepose.target import AxisIntervals, Target
 from circlepose.uncertainty import with_all_terms
@@ -63,7 +63,8 @@ def estimate(
     target
         What to look for, and how many.
     method
-        A name of `circlepose.solvers.METHODS`, or `all`.
+        A name of `circlepose.solvers.METHODS`, or `all`. `fu-zhou` is for ring targets only: `all` leaves it out for
+        lone circles.
     refine
         Place the edges anew along the rim that the lens model predicts. Without it the pose is that of the
         extracted contour.
@@ -81,16 +82,15 @@ def estimate(
     ------
     ArgumentError
         On misuse, naming the parameter: an array that is no image, a camera or target of another type, an unknown
-        method.
+        method, `fu-zhou` for a target of kind circle.
     """
     arguments.instance_of(Camera, "camera", camera, arguments.HOW_CAMERA)
     arguments.instance_of(Target, "target", target, arguments.HOW_TARGET)
-    arguments.one_of(("all", *METHODS), "method", method)
     arguments.one_of(EXTRACTIONS, "extraction", extraction)
     refine = arguments.truth("refine", refine)
     scale_calibration = arguments.truth("scale_calibration", scale_calibration)
     arguments.text("name", name)
-    methods = METHODS if method == "all" else (method,)
+    methods = methods_for(target.kind, method)
     measured = to_grey(image)
     # Only the fit to the levels can do without pixels that have none.
     grey = without_gaps(measured)

@@ -60,6 +60,8 @@ class Flag(StrEnum):
     AMBIGUOUS = "ambiguous"
     LONE_CIRCLE = "lone_circle"
     RING_MISFIT = "ring_misfit"
+    NOT_FLAT = "not_flat"
+    VANISHING_LINE_DISAGREES = "vanishing_line_disagrees"
     NEAR_RIGHT = "near_right"
     NEAR_DEGENERATE = "near_degenerate"
     POOR_FIT = "poor_fit"
@@ -72,12 +74,35 @@ FLAG_MEANING: Mapping[Flag, str] = {
     Flag.AMBIGUOUS: "nothing in the image tells which candidate is right; ambiguity is 0.5",
     Flag.LONE_CIRCLE: "only one circle of a ring target was found; its pose is that of a lone circle",
     Flag.RING_MISFIT: "the circles of the target are not seen where its radii, or its generatrix, put them",
+    Flag.NOT_FLAT: "the rings are not in one plane but height_mm apart; measure the target as kind: coaxial",
+    Flag.VANISHING_LINE_DISAGREES: "the normal from the vanishing line contradicts the chosen candidate",
     Flag.NEAR_RIGHT: "seen almost along its axis; the tilt is ill-determined, the two candidates nearly agree",
     Flag.NEAR_DEGENERATE: "seen almost edge-on; the image is a sliver",
     Flag.POOR_FIT: "the contour departs from the fitted ellipse by more than edge noise explains",
     Flag.PARTIAL_RIM: "a tenth of the rim or more is hidden, cut off or without contrast; see rim_used",
     Flag.CHORD_MENDED: "contour route: one of its four points lay on an outlier, which was left out",
     Flag.EDGES_ONLY: "measured from edges alone: the grey levels along the rim could not be fitted; no covariance",
+}
+
+
+class SettledBy(StrEnum):
+    """What settled which candidate of a circle is chosen. The text of each is in `SETTLED_BY_MEANING`."""
+
+    VANISHING_LINE = "vanishing_line"
+    GENERATRIX = "generatrix"
+    JOINT_FIT = "joint_fit"
+    COMMON_PLANE = "common_plane"
+    HINT = "hint"
+    NONE = "none"
+
+
+SETTLED_BY_MEANING: Mapping[SettledBy, str] = {
+    SettledBy.VANISHING_LINE: "the normal from the vanishing line of two coplanar circles settles it alone",
+    SettledBy.GENERATRIX: "the generatrix of two coaxial circles, at both ends, settles it alone",
+    SettledBy.JOINT_FIT: "one pose fitted to all rims of a ring target; neither of the above settles it alone",
+    SettledBy.COMMON_PLANE: "the plane that several lone circles share",
+    SettledBy.HINT: "a hint on a lone circle: a rough normal, the vertical or the side that it faces",
+    SettledBy.NONE: "nothing does, or there is one candidate",
 }
 
 
@@ -109,7 +134,21 @@ class Candidate:
     imaged_center: FloatArray
     """(2,) px, raw distorted image: where the circle's centre is seen (not the ellipse's centre)"""
     generatrix_mm: float | None = None
-    """coaxial targets: rim to rim distance with the other circle's paired candidate"""
+    """coaxial targets: rim to rim distance with the other circle's paired candidate, at the end near the camera"""
+    generatrix_ends_mm: FloatArray | None = None
+    """(2,) the same at the nearer and at the farther end"""
+    generatrix_ends_sigma_mm: FloatArray | None = None
+    """(2,) their standard deviations; None where the circles' own poses have no covariance"""
+    height_mm: float | None = None
+    """ring targets: how far the other circles are in front of the largest, along the normal, in this pose; of
+    coplanar ones as measured without the assumption that they are flat"""
+    height_sigma_mm: float | None = None
+    """its standard deviation"""
+    vanishing_distance_deg: float | None = None
+    """coplanar targets: angle of this normal to the one from the vanishing line"""
+    vanishing_distance_sigmas: float | None = None
+    """the same in standard deviations, of both normals together: root of a chi-square of two degrees of freedom;
+    None where this candidate has no covariance"""
     covariance: FloatArray | None = None
     """(5, 5) of centre (mm^2) and two tilts (rad^2) of the normal, towards the vectors of `cone.plane_basis`; of all
     terms together; None where none can be vouched for"""
@@ -137,6 +176,14 @@ class CircleResult:
     """index of the candidate to use"""
     ambiguity: float = 0.5
     """probability that the chosen candidate is the wrong one"""
+    settled_by: SettledBy = SettledBy.NONE
+    """what settled the choice of the candidate"""
+    vanishing_normal: FloatArray | None = None
+    """(3,) coplanar targets: unit normal from the vanishing line of two circles, independent of the joint fit"""
+    vanishing_sigma_deg: float | None = None
+    """its standard deviation: root of the sum of both tilts' variances"""
+    generatrix_expected_mm: float | None = None
+    """coaxial targets: the generatrix that was given"""
     cone: ConeKind | None = None
     ellipse: Ellipse | None = None
     """of the rim in the raw distorted image, px"""

@@ -7,9 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from circlepose._typing import FloatArray
 from circlepose.camera import Camera
-from circlepose.cone import SIGNATURE
+from circlepose.cone import cone_from_factor
 from circlepose.disambiguation.vanishing_line import concentricity, radius_ratio
 from circlepose.fitting.viewing_cone import SeenPoints
 from circlepose.measure import Rim
@@ -35,7 +34,7 @@ def contradiction(rims: Sequence[Rim], camera: Camera, target: Target) -> str:
 def _of_coplanar(pairs: list[tuple[Rim, Rim]], target: Target) -> str:
     largest = pairs[0][0]
     nested = [b for a, b in pairs if a is largest]
-    concentric = [float(radius_ratio(_conic(largest), _conic(rim))) for rim in nested if _concentric(largest, rim)]
+    concentric = [_radius_ratio(largest, rim) for rim in nested if _concentric(largest, rim)]
     if not concentric:
         apart = min(float(np.linalg.norm(rim.ellipse.center - largest.ellipse.center)) for rim in nested)
         return f"; the nested circles seen are not concentric, their centres are {apart:.1f} px apart"
@@ -66,15 +65,15 @@ def _of_coaxial(pairs: list[tuple[Rim, Rim]], camera: Camera, target: Target) ->
     )
 
 
-def _conic(rim: Rim) -> FloatArray:
-    inverse = np.linalg.inv(rim.cone.factor)
-    return np.asarray(inverse.T @ (SIGNATURE[:, None] * inverse))
-
-
 def _within(inner: Rim, outer: Rim) -> bool:
     apart = float(np.linalg.norm(inner.ellipse.center - outer.ellipse.center))
     return apart < float(outer.ellipse.semi_major)
 
 
+def _radius_ratio(outer: Rim, inner: Rim) -> float:
+    return float(radius_ratio(cone_from_factor(outer.cone.factor), cone_from_factor(inner.cone.factor)))
+
+
 def _concentric(outer: Rim, inner: Rim) -> bool:
-    return bool(concentricity(_conic(outer), _conic(inner)) < _CONCENTRIC)
+    conics = cone_from_factor(outer.cone.factor), cone_from_factor(inner.cone.factor)
+    return bool(concentricity(*conics) < _CONCENTRIC)

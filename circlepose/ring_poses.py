@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,6 +27,7 @@ from circlepose.joint import (
 from circlepose.measure import Rim
 from circlepose.rim_modes import MODES
 from circlepose.ring_families import least_misfit, other_heights
+from circlepose.ring_flatness import free_heights, is_stepped, log_flatness
 from circlepose.solvers.chen_huang import poses_from_frame
 from circlepose.target import Target
 
@@ -55,8 +57,32 @@ class TargetPoses:
     """one or two"""
     covariances: tuple[tuple[FloatArray, ...] | None, ...]
     """of each pose, for each circle (5, 5); None where none can be vouched for"""
+    tilts: tuple[FloatArray, ...]
+    """(2, 2) of each pose, the covariance of the normal's tilts, also where none can be vouched for"""
     ambiguity: float
     """probability that the first is wrong"""
+    rims: tuple[RimEvidence, ...]
+    """what was fitted, the largest circle's first"""
+    heights: tuple[tuple[float, float], ...]
+    """of each pose, how far the other circles are in front of the largest, and its standard deviation; of coplanar
+    circles with nothing known of it"""
+    excess: float = 1.0
+    """by how much the misfit of the first pose makes variances larger than told, with a free height"""
+    not_flat: bool = False
+    """the circles of a coplanar target are not in one plane, with the first pose"""
+
+
+class _Hypothesis(NamedTuple):
+    """A pose with its log weight; of coplanar circles also the pose with a free height, where there is one."""
+
+    joint: JointPose
+    log_weight: float
+    free: JointPose | None = None
+    is_stepped: bool = False
+
+    @property
+    def freest(self) -> JointPose:
+        return self.joint if self.free is None else self.free
 
 
 def target_poses(
@@ -82,34 +108,75 @@ def target_poses(
         height = 0.0 if target.kind == "coplanar" else least_misfit(center, normal, 1, seen[1], target)[1]
         starts.append(AxisPose(center, normal, height))
         problems.append(RingProblem(evidence, height, _height_sigma(target)))
+    found = _optima(problems, starts)
+    if target.kind == "coplanar":
+        hypotheses = _hypotheses_of_coplanar(evidence, starts, found, target.flatness_mm)
+    else:
+        hypotheses = [_Hypothesis(joint, joint.log_weight) for joint in found if joint is not None]
+    return _ranked(hypotheses, evidence, placed, cone)
+
+
+def _optima(problems: Sequence[RingProblem], starts: Sequence[AxisPose]) -> list[JointPose | None]:
+    """Return the optimum of each of two candidates; None of one with which no pose agrees."""
     solved = [problem.solve(start) for problem, start in zip(problems, starts, strict=True)]
     first, second = solved
     if first is not None and second is not None and are_one(first, second):
         # All rims together leave one optimum; the other candidate is then the largest circle's own.
         other = int(np.argmin([start.normal @ first.pose.normal for start in starts]))
         solved[other] = None
-    found = [
+    return [
         problem.at(start) if each is None else each
         for each, problem, start in zip(solved, problems, starts, strict=True)
     ]
-    return _ranked([each for each in found if each is not None], len(rims), placed, cone)
 
 
-def _ranked(found: list[JointPose], circles: int, placed: bool, cone: str) -> TargetPoses | None:
+def _hypotheses_of_coplanar(
+    rims: tuple[RimEvidence, ...], starts: list[AxisPose], tolerant: Sequence[JointPose | None], flatness_mm: float
+) -> list[_Hypothesis]:
+    """Return the hypotheses of a coplanar target from its candidates' `starts` and fits `tolerant` of its flatness.
+
+    Fits with a free height compete, each weighted by how flat it is; where they are not two, near the axis, the
+    tolerant ones do. A candidate under which the target has a step is fitted flat: it stands for a flat target.
+    """
+    free = free_heights(rims, starts)
+    are_two = None not in free and not are_one(*(each for each in free if each is not None))
+    stepped = [known is not None and is_stepped(known, flatness_mm) for known in free]
+    flat = _optima([RingProblem(rims)] * 2, starts) if any(stepped) else tolerant
+    hypotheses = []
+    for usual, known, has_step, exact in zip(tolerant, free, stepped, flat, strict=True):
+        joint = (exact if has_step else usual) or usual or known
+        if joint is None:
+            continue
+        weight = joint.log_weight
+        if are_two and known is not None:
+            weight = known.log_weight + log_flatness(known, flatness_mm)
+        hypotheses.append(_Hypothesis(joint, weight, known, has_step))
+    return hypotheses
+
+
+def _ranked(found: list[_Hypothesis], rims: tuple[RimEvidence, ...], placed: bool, cone: str) -> TargetPoses | None:
     if not found:
         return None
-    found = sorted(found, key=lambda joint: -joint.log_weight)
+    found = sorted(found, key=lambda hypothesis: -hypothesis.log_weight)
+    not_flat = found[0].is_stepped
+    joints = [hypothesis.freest if not_flat else hypothesis.joint for hypothesis in found]
     chance = 0.0 if len(found) == 1 else chance_of_second(found[0].log_weight, found[1].log_weight)
-    covariances = [[joint.covariance_of(i) for i in range(circles)] for joint in found]
-    if cone == ConeKind.RIGHT and len(found) == 2:
+    numbers = range(len(rims))
+    covariances = [[joint.covariance_of(i) for i in numbers] for joint in joints]
+    if cone == ConeKind.RIGHT and len(joints) == 2:
         # One pose is told; that it may be the other, close by, is a part of its error.
-        offsets = [found[0].pose.offset(i, found[1].pose) for i in range(circles)]
+        offsets = [joints[0].pose.offset(i, joints[1].pose) for i in numbers]
         covariances[0] = [told + chance * np.outer(o, o) for told, o in zip(covariances[0], offsets, strict=True)]
-        found, chance = found[:1], 0.0
+        joints, chance = joints[:1], 0.0
     return TargetPoses(
-        tuple(joint.pose for joint in found),
-        tuple(tuple(each) if placed else None for each in covariances[: len(found)]),
-        chance,
+        poses=tuple(joint.pose for joint in joints),
+        covariances=tuple(tuple(each) if placed else None for each in covariances[: len(joints)]),
+        tilts=tuple(each[0][3:, 3:] for each in covariances[: len(joints)]),
+        ambiguity=chance,
+        rims=rims,
+        heights=tuple((h.freest.pose.height, h.freest.height_sigma) for h in found[: len(joints)]),
+        excess=found[0].freest.excess,
+        not_flat=not_flat,
     )
 
 
@@ -145,7 +212,7 @@ def _gap_px(first: Rim, second: Rim) -> float:
 
 def _height_sigma(target: Target) -> float:
     if target.kind == "coplanar":
-        return 0.0
+        return target.flatness_mm
     heights = other_heights(1, target)
     return np.inf if heights is None else RADIUS_SHARE * max(float(heights[0]), target.radii_mm[0])
 

@@ -12,22 +12,31 @@ import numpy as np
 from circlepose._typing import FloatArray
 from circlepose.camera import Camera
 from circlepose.cone import ConeKind
-from circlepose.disambiguation.generatrix import generatrix_length, pair_candidates
 from circlepose.disambiguation.second_circle import ambiguity
 from circlepose.extraction.contour import WANTED_SIGN, Rejection
 from circlepose.fitting.viewing_cone import SeenPoints
 from circlepose.measure import Rim
-from circlepose.pose import CircleResult, Flag
+from circlepose.pose import Candidate, CircleResult, Flag, SettledBy
+from circlepose.ring_checks import (
+    UNTOLD,
+    VanishingCheck,
+    checked_by_vanishing_line,
+    is_settled_by_generatrix,
+    partner_of,
+    settled,
+    vanishing_check,
+    with_generatrix,
+)
 from circlepose.ring_families import Family, as_circle, find_families
+from circlepose.ring_fu_zhou import NEEDS_RINGS, by_generatrix, by_vanishing_line, without_pose
 from circlepose.ring_poses import TargetPoses, target_poses
-from circlepose.solutions import circle_results
+from circlepose.solutions import circle_results, compared
+from circlepose.solvers import CIRCLE_METHODS, FU_ZHOU
 from circlepose.target import Target
 
 _STRAINED_SHARE = 0.02
 """Rims that are off their places by more than this share of their semi-major axis, or _STRAINED_PX, are told."""
 _STRAINED_PX = 1.0
-_UNTOLD = 0.45
-"""From this chance of being wrong on nothing has told the candidates apart."""
 
 
 def find_ring_targets(
@@ -59,6 +68,7 @@ def find_ring_targets(
 
 def _lone_circle(rims: Sequence[Rim], camera: Camera, target: Target, methods: tuple[str, ...]) -> list[CircleResult]:
     """Return the results of the most evident rim that can be a circle of `target`, as the largest that it can be."""
+    own = _own_methods(methods)
     for rim in rims:
         seen = SeenPoints.of(camera, rim.points)
         for which, (radius, name) in enumerate(zip(target.radii_mm, target.circle_names, strict=True)):
@@ -67,9 +77,16 @@ def _lone_circle(rims: Sequence[Rim], camera: Camera, target: Target, methods: t
                 continue
             solutions = as_circle(rim, seen, target, which)
             if solutions is not None:
-                lone = circle_results(rim, camera, methods, radius, 0, name, chen_huang=solutions)
+                lone = circle_results(rim, camera, own, radius, 0, name, chen_huang=solutions)
+                if methods == (FU_ZHOU,):
+                    lone = [without_pose(result, NEEDS_RINGS) for result in lone]
                 return [replace(result, flags=(*result.flags, Flag.LONE_CIRCLE)) for result in lone]
     return []
+
+
+def _own_methods(methods: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the methods that solve each circle by its own rim; the first of all where none is asked for."""
+    return tuple(method for method in methods if method != FU_ZHOU) or (CIRCLE_METHODS[0],)
 
 
 def _target_results(
@@ -84,30 +101,111 @@ def _target_results(
     """Results of one target's circles: by one pose of them all, each method's own ones in the order that it tells."""
     members = [rims[number] for number in family.members]
     poses = target_poses(members, camera, target, family.solutions.cone, placed=placed)
-    chance, wanted = _by_misfits(family, members) if poses is None else (poses.ambiguity, poses.poses[0].normal)
     is_strained = _is_strained(family, rims)
-    strained = (Flag.RING_MISFIT,) if is_strained else ()
-    results = []
-    for number, (rim, radius, name) in enumerate(zip(members, target.radii_mm, target.circle_names, strict=True)):
-        known = family.solutions if number == 0 else None
-        for result in circle_results(rim, camera, methods, radius, instance, name, chen_huang=known):
-            ranked = sorted(result.candidates, key=lambda c: -float(c.normal @ wanted))
-            flags = tuple(f for f in result.flags if f is not Flag.AMBIGUOUS or chance >= _UNTOLD)
-            one = len(ranked) == 1
-            results.append(
-                replace(
-                    result,
-                    candidates=tuple(ranked),
-                    ambiguity=0.0 if one else chance,
-                    flags=(*flags, *strained),
-                )
-            )
-    if target.kind == "coaxial":
-        results = _with_generatrix(results)
-    # Where several methods are compared, or lengths contradict each other, each circle is told by its own rim.
-    if poses is None or is_strained or methods != ("chen-huang",):
-        return results
-    return [_in_one_pose(result, number, poses, camera) for number, result in enumerate(results)]
+    own = [
+        result
+        for number, (rim, radius, name) in enumerate(zip(members, target.radii_mm, target.circle_names, strict=True))
+        for result in circle_results(
+            rim,
+            camera,
+            _own_methods(methods),
+            radius,
+            instance,
+            name,
+            chen_huang=family.solutions if number == 0 else None,
+        )
+    ]
+    own = [replace(result, flags=(*result.flags, *_flags(poses, is_strained=is_strained))) for result in own]
+    check = None
+    if poses is not None and target.kind == "coplanar":
+        check = vanishing_check(poses, target.flatness_mm)
+    results: list[CircleResult] = []
+    if methods != (FU_ZHOU,):
+        chance, wanted = _by_misfits(family, members) if poses is None else (poses.ambiguity, poses.poses[0].normal)
+        results = [_in_order(result, chance, wanted) for result in own]
+        cues: list[SettledBy | None] = [None] * len(results)
+        if target.kind == "coaxial":
+            evidence = None if poses is None else poses.rims
+            results = with_generatrix(results, evidence, target)
+            cues = [
+                SettledBy.GENERATRIX
+                if is_settled_by_generatrix(result, partner_of(result, results), evidence, target)
+                else None
+                for result in results
+            ]
+        if poses is not None:
+            # Where several methods are compared, or lengths contradict each other, each circle keeps its own poses.
+            is_joint = methods == (CIRCLE_METHODS[0],) and (poses.not_flat or not is_strained)
+            results = [
+                _in_poses(result, number, poses, camera, is_joint=is_joint) for number, result in enumerate(results)
+            ]
+        if target.kind == "coplanar":
+            results = [checked_by_vanishing_line(result, check) for result in results]
+        else:
+            results = [settled(result, cue) for result, cue in zip(results, cues, strict=True)]
+    if FU_ZHOU in methods:
+        results = _with_fu_zhou(results, own, poses, check, camera, target, placed=placed)
+    return results
+
+
+def _with_fu_zhou(
+    results: Sequence[CircleResult],
+    own: Sequence[CircleResult],
+    poses: TargetPoses | None,
+    check: VanishingCheck | None,
+    camera: Camera,
+    target: Target,
+    *,
+    placed: bool,
+) -> list[CircleResult]:
+    """Return `results` with those of Fu & Zhou's route, each after the others of its circle."""
+    by_rim = [result for result in own if result.method == CIRCLE_METHODS[0]]
+    if target.kind == "coplanar":
+        found = by_vanishing_line(by_rim, check, camera, with_covariance=placed)
+    else:
+        found = by_generatrix(by_rim, None if poses is None else poses.rims, target)
+    if not results:
+        return found
+    done: list[CircleResult] = []
+    for reference, result in zip(by_rim, found, strict=True):
+        candidates = tuple(compared(candidate, reference.candidates) for candidate in result.candidates)
+        done += [each for each in results if each.circle == result.circle]
+        done.append(replace(result, candidates=candidates))
+    return done
+
+
+def _flags(poses: TargetPoses | None, *, is_strained: bool) -> tuple[Flag, ...]:
+    """Return what is to be said of a target as a whole."""
+    flags = [Flag.RING_MISFIT] if is_strained else []
+    if poses is not None and poses.not_flat:
+        flags.append(Flag.NOT_FLAT)
+    return tuple(flags)
+
+
+def _in_order(result: CircleResult, chance: float, wanted: FloatArray) -> CircleResult:
+    """Return the result with the candidate first whose normal is nearest to the one `wanted`, wrong by `chance`."""
+    ranked = sorted(result.candidates, key=lambda c: -float(c.normal @ wanted))
+    flags = tuple(f for f in result.flags if f is not Flag.AMBIGUOUS or chance >= UNTOLD)
+    return replace(result, candidates=tuple(ranked), ambiguity=0.0 if len(ranked) == 1 else chance, flags=flags)
+
+
+def _in_poses(
+    result: CircleResult, number: int, poses: TargetPoses, camera: Camera, *, is_joint: bool
+) -> CircleResult:
+    """Return the result of circle `number` with the target's poses, or their heights alone."""
+    if is_joint:
+        return _in_one_pose(result, number, poses, camera)
+    normals = np.stack([pose.normal for pose in poses.poses])
+    nearest = [int(np.argmax(normals @ candidate.normal)) for candidate in result.candidates]
+    candidates = [
+        _with_height(candidate, poses, which) for candidate, which in zip(result.candidates, nearest, strict=True)
+    ]
+    return replace(result, candidates=tuple(candidates))
+
+
+def _with_height(candidate: Candidate, poses: TargetPoses, which: int) -> Candidate:
+    height, sigma = poses.heights[which]
+    return replace(candidate, height_mm=height, height_sigma_mm=sigma)
 
 
 def _by_misfits(family: Family, members: Sequence[Rim]) -> tuple[float, FloatArray]:
@@ -128,7 +226,7 @@ def _in_one_pose(result: CircleResult, number: int, poses: TargetPoses, camera: 
         covariances = poses.covariances[which]
         candidates.append(
             replace(
-                own,
+                _with_height(own, poses, which),
                 center=center,
                 normal=normal,
                 imaged_center=camera.project(center),
@@ -145,30 +243,3 @@ def _is_strained(family: Family, rims: Sequence[Rim]) -> bool:
     misfits = family.misfits_px.min(axis=1)
     size = np.array([float(rims[number].ellipse.semi_major) for number in family.members[1:]])
     return bool(np.any(misfits > np.maximum(_STRAINED_PX, _STRAINED_SHARE * size)))
-
-
-def _with_generatrix(results: list[CircleResult]) -> list[CircleResult]:
-    """Add to each candidate the generatrix of its pair with the other circle's candidate of nearest normal."""
-    done = []
-    for result in results:
-        partner = next(r for r in results if r.method == result.method and r.circle != result.circle)
-        if not (result.candidates and partner.candidates):
-            done.append(result)
-            continue
-        own, others = _poses(result), _poses(partner)
-        paired = pair_candidates(own[1], others[1])
-        other = (others[0][paired], others[1][paired], partner.radius_mm)
-        is_big = result.radius_mm > partner.radius_mm
-        lengths = generatrix_length(*own, *other) if is_big else generatrix_length(*other, *own)
-        candidates = [
-            replace(candidate, generatrix_mm=float(length))
-            for candidate, length in zip(result.candidates, lengths, strict=True)
-        ]
-        done.append(replace(result, candidates=tuple(candidates)))
-    return done
-
-
-def _poses(result: CircleResult) -> tuple[FloatArray, FloatArray, float]:
-    """Return centres (k, 3) and normals (k, 3) of the candidates, and the radius."""
-    centers = np.stack([candidate.center for candidate in result.candidates])
-    return centers, np.stack([candidate.normal for candidate in result.candidates]), result.radius_mm

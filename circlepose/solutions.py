@@ -102,7 +102,8 @@ def results_of_rims(
                 solutions = found
                 candidates = _candidates(solutions, camera.project(solutions.centers))
                 if len(methods) > 1:
-                    candidates = tuple(_compared(candidate, known[k]) for candidate in candidates)
+                    reference = _candidates(known[k], imaged[own])
+                    candidates = tuple(compared(candidate, reference) for candidate in candidates)
             one = len(candidates) == 1
             told = flags | {Flag.AMBIGUOUS: not one, Flag.CHORD_MENDED: solutions.mended}
             results.append(
@@ -173,13 +174,15 @@ def _candidates(
     return tuple(sorted(candidates, key=lambda c: float(c.normal[2])))
 
 
-def _compared(candidate: Candidate, reference: Solutions) -> Candidate:
+def compared(candidate: Candidate, reference: Sequence[Candidate]) -> Candidate:
     """Add the differences to the like candidate of Chen & Huang's: the one whose normal is nearest."""
-    nearest = int(np.argmax(reference.normals @ candidate.normal))
-    chord = float(np.linalg.norm(reference.normals[nearest] - candidate.normal))
+    if not reference:
+        return candidate
+    nearest = max(reference, key=lambda other: float(other.normal @ candidate.normal))
+    chord = float(np.linalg.norm(nearest.normal - candidate.normal))
     return replace(
         candidate,
-        position_difference_mm=float(np.linalg.norm(reference.centers[nearest] - candidate.center)),
+        position_difference_mm=float(np.linalg.norm(nearest.center - candidate.center)),
         orientation_difference_deg=float(np.degrees(2.0 * np.arcsin(min(1.0, chord / 2.0)))),
     )
 

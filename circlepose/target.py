@@ -9,6 +9,10 @@ from circlepose import arguments
 from circlepose.errors import TargetError
 from circlepose.target_hints import Direction, DirectionHint, Side, check_hints
 
+FLATNESS_SHARE = 2e-3
+"""Default of `flatness_sigma_mm`, as a share of the largest radius: 0.1 mm for 50 mm. Paper on a foam board that bows
+by 1 mm over 300 mm has its circles of radii 50 and 30 mm 0.07 mm apart in height."""
+
 Kind = Literal["circle", "coplanar", "coaxial"]
 Polarity = Literal["any", "dark", "bright"]
 KINDS: tuple[Kind, ...] = ("circle", "coplanar", "coaxial")
@@ -74,6 +78,9 @@ class Target:
         camera frame. Hints add up, also with `coplanar`.
     radius_sigma_mm
         Standard deviation of the (largest) radius; 0 is exact. All lengths of a target err in proportion.
+    flatness_sigma_mm
+        Kind coplanar only: standard deviation of the height of the other circles' plane above the largest circle's;
+        0 is exactly flat. None: `FLATNESS_SHARE` of the largest radius.
     """
 
     kind: Kind
@@ -88,6 +95,7 @@ class Target:
     up_hint: DirectionHint | None = None
     facing: Side | Direction | None = None
     radius_sigma_mm: float = 0.0
+    flatness_sigma_mm: float | None = None
 
     def __post_init__(self) -> None:
         arguments.one_of(KINDS, "kind", self.kind, TargetError)
@@ -95,6 +103,7 @@ class Target:
         self._check_radii()
         self._check_generatrix()
         self._check_radius_sigma()
+        self._check_flatness()
         count: object = self.count
         if isinstance(count, str) and count == "all":
             object.__setattr__(self, "count", None)
@@ -147,6 +156,22 @@ class Target:
         if self.kind == "coaxial":
             return ("big", "small")
         return ("outer", "inner", *(f"ring{i}" for i in range(2, len(self.radii_mm))))
+
+    @property
+    def flatness_mm(self) -> float:
+        """`flatness_sigma_mm`, or its default."""
+        default = FLATNESS_SHARE * self.radii_mm[0]
+        return default if self.flatness_sigma_mm is None else self.flatness_sigma_mm
+
+    def _check_flatness(self) -> None:
+        if self.flatness_sigma_mm is None:
+            return
+        if self.kind != "coplanar":
+            raise TargetError(f"flatness_sigma_mm: only a coplanar target has one, this one is {self.kind}.")
+        expected = f"a standard deviation in mm, 0 or more and less than the radius of {self.radii_mm[0]:g} mm"
+        sigma = arguments.number("flatness_sigma_mm", self.flatness_sigma_mm, expected, TargetError)
+        if not 0.0 <= sigma < self.radii_mm[0]:
+            raise TargetError(f"flatness_sigma_mm: expected {expected}, got {sigma:g}.")
 
     def _check_radii(self) -> None:
         key = "radius_mm" if self.kind == "circle" else "radii_mm"

@@ -6,13 +6,15 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from cases import circle_case, circle_cases, random_rotation
-from circlepose.cone import factor_from_circle, principal_frame
+from circlepose.cone import factor_from_circle, plane_basis, principal_frame
 from circlepose.disambiguation.generatrix import (
-    axis_misalignment,
+    MeasuredCircle,
+    ends_covariance,
     generatrix_ends,
     generatrix_length,
     height_from_generatrix,
     pair_candidates,
+    pair_misfit,
 )
 from circlepose.errors import ArgumentError
 from circlepose.solvers.chen_huang import poses_from_frame
@@ -36,15 +38,13 @@ def candidates(case, share, height):
 
 
 def paired_ends(case, share, height):
-    """Generatrices (2, 2) and misalignments (2,) of the right pair and the wrong one."""
+    """Generatrices (2, 2) of the right pair and the wrong one."""
     (centers, normals), (others, other_normals), right = candidates(case, share, height)
     partner = pair_candidates(normals, other_normals)
     big = centers, normals
     small = others[partner], other_normals[partner]
     ends = generatrix_ends(*big, case.radius, *small, share * case.radius)
-    off = axis_misalignment(*big, *small)
-    order = [right, 1 - right]
-    return ends[order], off[order]
+    return ends[[right, 1 - right]]
 
 
 @given(circle_cases(tilts=st.floats(0.0, 90.0)), SHARES, HEIGHTS)
@@ -54,7 +54,6 @@ def test_both_ends_of_an_exact_frustum_are_its_generatrix(case, share, height):
     expected = case.radius * np.hypot(height, 1.0 - share)
     rounding = 1e-12 * np.linalg.norm(case.center)
     np.testing.assert_allclose(ends, expected, rtol=1e-9, atol=rounding)
-    assert axis_misalignment(case.center, case.normal, center, case.normal) <= rounding
 
 
 def tolerance_mm(case) -> float:
@@ -69,20 +68,20 @@ def test_the_right_pair_is_found_in_the_candidates_of_bosses_and_recesses(case, 
     assume(size < 0.1)
     # Both circles from the same side, and not edge-on.
     assume(np.cos(np.radians(case.tilt_deg)) > 2.0 * size * abs(height))
-    ends, off = paired_ends(case, share, height)
+    ends = paired_ends(case, share, height)
     expected = case.radius * np.hypot(height, 1.0 - share)
     np.testing.assert_allclose(ends[0], expected, atol=tolerance_mm(case))
-    assert off[0] <= tolerance_mm(case)
     # Twice the tilt apart, the wrong axis misses the small circle by about sin(2 tilt) h.
     aside = abs(height) * case.radius * np.sin(np.radians(2.0 * case.tilt_deg))
-    assert off[1] == pytest.approx(aside, abs=10.0 * size * case.radius)
+    misses = abs(ends[1, 0] ** 2 - ends[1, 1] ** 2) / (4.0 * (1.0 - share) * case.radius)
+    assert misses == pytest.approx(aside, abs=10.0 * size * case.radius)
 
 
 @pytest.mark.parametrize("height", [0.9, -0.9], ids=["boss", "recess"])
 @pytest.mark.parametrize("tilt_deg", [3.0, 10.0, 25.0, 40.0])
 def test_the_wrong_pair_is_too_short_at_one_end_and_too_long_at_the_other(tilt_deg, height):
     case = circle_case(45.0, 700.0, 10.0, 20.0, tilt_deg, 130.0)
-    (right, wrong), off = paired_ends(case, 2.0 / 3.0, height)
+    right, wrong = paired_ends(case, 2.0 / 3.0, height)
     known = 45.0 * np.hypot(0.9, 1.0 / 3.0)
     np.testing.assert_allclose(right, known, atol=1e-8)
     short, long = (0, 1) if height > 0.0 else (1, 0)
@@ -90,7 +89,6 @@ def test_the_wrong_pair_is_too_short_at_one_end_and_too_long_at_the_other(tilt_d
     assert wrong[long] > known + 0.02 * tilt_deg * 45.0 / 10.0
     # Which is why the mean of the two ends is no cue.
     assert abs(wrong.mean() - known) < 0.2 * np.ptp(wrong)
-    assert off[1] > 10.0 * off[0] + 1.0
 
 
 SCENES = {
@@ -154,6 +152,29 @@ def test_the_near_end_is_nearer(case, share, height):
     assert near < far
 
 
+@pytest.mark.parametrize("expected", [45.0 * np.hypot(0.9, 1.0 / 3.0), None])
+def test_the_errors_of_both_ends_have_the_covariance_of_the_pair(expected):
+    case = circle_case(45.0, 700.0, 10.0, 20.0, 30.0, 130.0)
+    center, radius = small_circle(case, 2.0 / 3.0, 0.9)
+    spread = np.diag([0.02, 0.03, 0.1, 4e-4, 3e-4]) ** 2
+    pair = [MeasuredCircle(c, case.normal, r, spread) for c, r in ((case.center, 45.0), (center, radius))]
+    covariance = ends_covariance(*pair, radius_share=1e-3)
+    generator = np.random.default_rng(2)
+    ends, misfits = [], []
+    for _ in range(2000):
+        moved, turned = [], []
+        for circle in pair:
+            change = np.linalg.cholesky(spread) @ generator.normal(size=5)
+            normal = circle.normal + change[3:] @ np.stack(plane_basis(circle.normal))
+            moved.append(circle.center + change[:3])
+            turned.append(normal / np.linalg.norm(normal))
+        scale = 1.0 + 1e-3 * generator.normal()
+        ends.append(generatrix_ends(moved[0], turned[0], 45.0, scale * moved[1], turned[1], scale * radius))
+        misfits.append(pair_misfit(ends[-1], covariance, expected, 0.0)[0])
+    np.testing.assert_allclose(np.cov(np.array(ends).T), covariance, rtol=0.15)
+    assert np.mean(misfits) == pytest.approx(1.0 if expected is None else 2.0, rel=0.1)
+
+
 def test_seen_along_the_axis_any_plane_will_do():
     center, normal = np.array([0.0, 0.0, 500.0]), np.array([0.0, 0.0, -1.0])
     ends = generatrix_ends(center, normal, 40.0, center + 30.0 * normal, normal, 0.0)
@@ -169,7 +190,6 @@ def test_batch_axes():
     ends = generatrix_ends(centers, normals, 45.0, others, normals, np.full((4, 3), radius))
     assert ends.shape == (4, 3, 2)
     np.testing.assert_allclose(ends, 45.0 * np.hypot(0.8, 0.4))
-    assert axis_misalignment(centers, normals, others, normals).shape == (4, 3)
     assert pair_candidates(np.zeros((4, 3, 2, 3)), np.zeros((4, 3, 2, 3))).shape == (4, 3, 2)
 
 

@@ -11,7 +11,7 @@ from circlepose.camera import Camera
 from circlepose.cone import plane_basis
 from circlepose.errors import ArgumentError
 from circlepose.pose import FLAG_MEANING, STATUS_MEANING, Flag, Status
-from circlepose.solvers import METHODS
+from circlepose.solvers import CIRCLE_METHODS
 from circlepose.synthesis.render import render
 from circlepose.synthesis.scene import Disc, Paint, Rings, Scene
 from circlepose.target import AxisIntervals, Target
@@ -118,7 +118,7 @@ def test_tilts_in_fine_steps_have_no_jump():
         assert measured.normal_deg < (2.5 if tilt_deg < 5.0 else 0.4), tilt_deg
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", CIRCLE_METHODS)
 def test_each_method(method):
     part = disc()
     circle = circlepose.estimate(render(scene(part)), CAMERA, Target.circle(60.0), method=method).circles[0]
@@ -131,7 +131,7 @@ def test_each_method(method):
 
 def test_all_methods_are_compared_with_chen_huang():
     results = circlepose.estimate(render(scene(disc())), CAMERA, Target.circle(60.0), method="all").circles
-    assert [c.method for c in results] == list(METHODS)
+    assert [c.method for c in results] == list(CIRCLE_METHODS)
     reference, *others = results
     assert all(c.position_difference_mm is None for c in reference.candidates)
     for result in others:

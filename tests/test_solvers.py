@@ -9,7 +9,7 @@ from cases import circle_case, circle_cases, nearest_candidate, random_rotation,
 from circlepose.camera import circle_points
 from circlepose.cone import cone_from_circle, factor_from_circle, principal_frame
 from circlepose.errors import ArgumentError
-from circlepose.solvers import METHODS, chen_huang, kabuka_arenas, kanatani_liu
+from circlepose.solvers import CIRCLE_METHODS, chen_huang, kabuka_arenas, kanatani_liu
 from circlepose.solvers.chords import Chords, chords_from_contour
 from circlepose.solvers.solve import Solutions, solve
 
@@ -130,7 +130,7 @@ def test_a_right_cone_is_said_once():
     np.testing.assert_allclose(solutions.centers[0], case.center, atol=1e-6)
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", CIRCLE_METHODS)
 def test_every_method_answers_an_oblique_view(method):
     case = circle_case(60.0, 900.0, 5.0, 30.0, 40.0, 20.0)
     factor = factor_from_circle(case.center, case.normal, case.radius)

@@ -39,7 +39,7 @@ def test_columns_are_those_agreed_on_in_their_order():
         "image, instance, circle, method, solution, chosen, status, center_x_mm, center_y_mm, center_z_mm, "
         "normal_x, normal_y, normal_z, radius_mm, position_difference_mm, orientation_difference_deg, "
         "generatrix_mm, ambiguity, center_u_px, center_v_px, semi_major_px, semi_minor_px, angle_deg, residual_px, "
-        "cone, sigma_x_mm, sigma_y_mm, sigma_z_mm, sigma_normal_deg, flags, rim_used, score"
+        "cone, sigma_x_mm, sigma_y_mm, sigma_z_mm, sigma_normal_deg, flags, rim_used, score, settled_by"
     )
 
 
@@ -176,7 +176,21 @@ def test_json_holds_full_precision_and_nests_by_image():
 def test_json_uses_the_tables_names():
     document = read_json([made_result(made_circle(covariance=COVARIANCE))])
     (circle,) = document["images"][0]["circles"]
-    extra = {"reason", "solutions", "covariance", "covariance_terms"}
+    extra = {
+        "reason",
+        "solutions",
+        "covariance",
+        "covariance_terms",
+        "vanishing_normal",
+        "vanishing_normal_sigma_deg",
+        "vanishing_normal_distance_deg",
+        "vanishing_normal_distance_sigmas",
+        "generatrix_expected_mm",
+        "generatrix_ends_mm",
+        "generatrix_ends_sigma_mm",
+        "height_mm",
+        "height_sigma_mm",
+    }
     assert (set(circle) | set(circle["solutions"][0])) - extra == set(COLUMNS) - {"image"}
 
 

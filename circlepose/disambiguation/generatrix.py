@@ -18,6 +18,8 @@ the camera, so both circles must be seen from the same side.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from circlepose._typing import FloatArray, IntArray
@@ -26,6 +28,9 @@ from circlepose.errors import ArgumentError
 from circlepose.vectors import cross
 
 _NO_DIRECTION = 1e-12
+_DIFFERENCE = 1e-6
+"""Step of numeric derivatives, in shares of the distance and in rad."""
+_DIFFER = np.array([1.0, -1.0])
 
 
 def pair_candidates(normals_big: FloatArray, normals_small: FloatArray) -> IntArray:
@@ -85,15 +90,53 @@ def generatrix_ends(
     return np.stack([np.linalg.norm(near, axis=-1), np.linalg.norm(far, axis=-1)], axis=-1)
 
 
-def axis_misalignment(
-    center_big: FloatArray, normal_big: FloatArray, center_small: FloatArray, normal_small: FloatArray
-) -> FloatArray:
-    """Return how far (...) the small circle's centre is off the big one's axis: 0 for the right pair.
+@dataclass(frozen=True, slots=True, eq=False)
+class MeasuredCircle:
+    """A candidate pose of a circle measured by its own rim alone."""
 
-    Centres and unit normals (..., 3); the axis has the mean direction of both normals.
+    center: FloatArray
+    """(3,)"""
+    normal: FloatArray
+    """(3,) unit"""
+    radius: float
+    covariance: FloatArray
+    """(5, 5) of the centre and two tilts, as of `pose.Candidate`"""
+
+
+def ends_covariance(big: MeasuredCircle, small: MeasuredCircle, radius_share: float) -> FloatArray:
+    """Return the covariance (2, 2) of `generatrix_ends` of a pair, to first order.
+
+    `radius_share` is the standard deviation of the small circle's radius, as a share of it: it scales its distance.
     """
-    apart = center_small - center_big
-    return np.linalg.norm(cross(apart, _mean_axis(normal_big, normal_small)), axis=-1)
+
+    def ends(changes: FloatArray) -> FloatArray:
+        first, second = _changed(big, changes[:, :5]), _changed(small, changes[:, 5:10])
+        scale = 1.0 + changes[:, 10:]
+        return generatrix_ends(*first, big.radius, second[0] * scale, second[1], small.radius * scale[:, 0])
+
+    distance = float(np.linalg.norm(big.center))
+    steps = np.diag(np.array([distance, distance, distance, 1.0, 1.0] * 2 + [1.0]) * _DIFFERENCE)
+    slopes = (ends(steps) - ends(-steps)) / (2.0 * np.diag(steps)[:, None])
+    covariance = np.zeros((11, 11))
+    covariance[:5, :5], covariance[5:10, 5:10] = big.covariance, small.covariance
+    covariance[10, 10] = radius_share**2
+    return np.asarray(slopes.T @ covariance @ slopes)
+
+
+def pair_misfit(
+    ends: FloatArray, covariance: FloatArray, expected: float | None, expected_sigma: float
+) -> tuple[float, float]:
+    """Return the chi-square of the generatrices at both ends (2,) of a pair, and the pair's log likelihood.
+
+    Both ends are `expected`, which is known to `expected_sigma`; where it is None, both are of one length.
+    `covariance` (2, 2) is that of `ends`.
+    """
+    if expected is None:
+        away, spread = np.array([ends[0] - ends[1]]), np.array([[_DIFFER @ covariance @ _DIFFER]])
+    else:
+        away, spread = ends - expected, covariance + expected_sigma**2
+    squared = float(away @ np.linalg.solve(spread, away))
+    return squared, -0.5 * squared - 0.5 * float(np.linalg.slogdet(spread)[1])
 
 
 def height_from_generatrix(
@@ -115,6 +158,12 @@ def height_from_generatrix(
 
 def _mean_axis(normal_big: FloatArray, normal_small: FloatArray) -> FloatArray:
     return _unit(np.asarray(normal_big) + np.asarray(normal_small))
+
+
+def _changed(circle: MeasuredCircle, changes: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return centres (n, 3) and unit normals (n, 3) after small `changes` (n, 5) of centre and tilts."""
+    normals = circle.normal + changes[:, 3:] @ np.stack(plane_basis(circle.normal))
+    return circle.center + changes[:, :3], _unit(normals)
 
 
 def _unit(vectors: FloatArray) -> FloatArray:

@@ -18,15 +18,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from circlepose._typing import BoolArray, FloatArray
-from circlepose.cone import SIGNATURE, factor_from_cone, plane_basis
+from circlepose.cone import SIGNATURE, cone_from_factor, factor_from_cone, plane_basis
 from circlepose.conic import polar
-from circlepose.fitting.guaranteed import LATENT_CONICS
+from circlepose.rim_modes import MODES, grown
 from circlepose.vectors import cross
 
 ComplexArray = np.ndarray[tuple[int, ...], np.dtype[np.complex128]]
 
 _DIFFERENCE = 1e-6
-"""Latent step of numeric derivatives."""
+"""Step of a rim's modes for numeric derivatives."""
 _REAL = 1e-6
 """Relative imaginary part that rounding may leave of a real eigenvalue."""
 
@@ -149,39 +149,53 @@ def normal_from_imaged_center(conic: FloatArray, imaged_center: FloatArray) -> F
     return line / np.linalg.norm(line, axis=-1, keepdims=True)
 
 
-def normal_with_covariance(factors: FloatArray, latent_covariances: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the normal (3,) of eq. 10 and its covariance (3, 3), rad^2, to first order.
+def pose_with_covariance(
+    factors: FloatArray, modes_covariances: FloatArray, radius_outer: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return centre (3,) and normal (3,) of `pose_from_coplanar_circles`, and their covariance, to first order.
 
-    From the `factors` (2, 3, 3) of both circles' cones, outer first, and the covariances (2, 5, 5) of the latent
-    parameters of the fits (`fitting.guaranteed`), which are independent of each other.
+    Parameters
+    ----------
+    factors
+        (2, 3, 3) of both circles' cones, the outer one first.
+    modes_covariances
+        (2, 5, 5) of the `rim_modes` of the cones, which are independent of each other.
+    radius_outer
+        Of the outer circle.
+
+    Returns
+    -------
+    The covariance (5, 5) is of the centre (unit of the radius, squared) and of two tilts (rad^2) of the normal,
+    towards the vectors of `cone.plane_basis(normal)`. NaN where the cones cannot be of concentric circles.
     """
-    inverses = np.linalg.inv(factors)
-    conics = np.swapaxes(inverses, -1, -2) @ (SIGNATURE[:, None] * inverses)
-    changes = np.swapaxes(inverses, -1, -2)[:, None] @ LATENT_CONICS @ inverses[:, None]
-    none = np.zeros_like(changes[0])
-    steps = _DIFFERENCE * np.stack([np.concatenate([changes[0], none]), np.concatenate([none, changes[1]])])
 
-    def normals(outer: FloatArray, inner: FloatArray) -> FloatArray:
-        return normal_from_imaged_center(outer, imaged_center(outer, inner))
+    def poses(changed: FloatArray) -> tuple[FloatArray, FloatArray]:
+        cones = cone_from_factor(changed)
+        return pose_from_coplanar_circles(cones[..., 0, :, :], cones[..., 1, :, :], radius_outer)
 
-    ahead = normals(conics[0] + steps[0], conics[1] + steps[1])
-    behind = normals(conics[0] - steps[0], conics[1] - steps[1])
-    slopes = ((ahead - behind) / (2.0 * _DIFFERENCE)).reshape(2, 5, 3)
-    covariance = np.einsum("kpi,kpq,kqj->ij", slopes, latent_covariances, slopes)
-    return normals(conics[0], conics[1]), covariance
+    # (10, 2, 5): each mode of each rim in turn.
+    steps = _DIFFERENCE * np.eye(2 * MODES).reshape(2 * MODES, 2, MODES)
+    center, normal = poses(factors)
+    ahead, behind = poses(grown(factors, steps)), poses(grown(factors, -steps))
+    by_center = (ahead[0] - behind[0]) / (2.0 * _DIFFERENCE)
+    by_tilt = (ahead[1] - behind[1]) @ np.stack(plane_basis(normal), axis=-1) / (2.0 * _DIFFERENCE)
+    slopes = np.concatenate([by_center, by_tilt], axis=-1).reshape(2, MODES, 5)
+    return center, normal, np.einsum("kpi,kpq,kqj->ij", slopes, modes_covariances, slopes)
 
 
-def log_odds(candidates: FloatArray, candidate_sigma_rad: float, normal: FloatArray, covariance: FloatArray) -> float:
+def log_odds(candidates: FloatArray, candidate_sigma_rad: float, normal: FloatArray, tilts: FloatArray) -> float:
     """Return the log odds of the first of two `candidates` (2, 3), the normals of a circle alone, over the second.
 
-    Given the `normal` (3,) from both circles with its `covariance` (3, 3). What counts is where it lies along the
-    line between the candidates, in the light of its error and of theirs along that line, `candidate_sigma_rad`.
+    Given the `normal` (3,) from both circles with the covariance `tilts` (2, 2) of its tilts. What counts is where it
+    lies along the line between the candidates, in the light of its error and of theirs along that line,
+    `candidate_sigma_rad`.
     """
     apart = candidates[0] - candidates[1]
     squared = float(apart @ apart)
     if squared == 0.0:
         return 0.0
-    variance = float(apart @ covariance @ apart) / squared + candidate_sigma_rad**2
+    along = np.stack(plane_basis(normal)) @ apart
+    variance = float(along @ tilts @ along) / squared + candidate_sigma_rad**2
     return float(apart @ (normal - candidates.mean(axis=0))) / variance
 
 

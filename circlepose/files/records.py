@@ -50,6 +50,10 @@ _CIRCLE_KEYS = (
     "residual_px",
     "rim_used",
     "score",
+    "settled_by",
+    "vanishing_normal",
+    "vanishing_normal_sigma_deg",
+    "generatrix_expected_mm",
     "solutions",
 )
 _SOLUTION_KEYS = (
@@ -64,6 +68,12 @@ _SOLUTION_KEYS = (
     "center_u_px",
     "center_v_px",
     "generatrix_mm",
+    "generatrix_ends_mm",
+    "generatrix_ends_sigma_mm",
+    "height_mm",
+    "height_sigma_mm",
+    "vanishing_normal_distance_deg",
+    "vanishing_normal_distance_sigmas",
     "position_difference_mm",
     "orientation_difference_deg",
     "sigma_x_mm",
@@ -81,11 +91,20 @@ def _circle_record(circle: CircleResult) -> Row:
         fields = candidate_fields(candidate, number, chosen=number == circle.chosen) | {
             "covariance": _matrix(candidate.covariance),
             "covariance_terms": _terms_record(candidate.covariance_terms),
+            "generatrix_ends_mm": _list(candidate.generatrix_ends_mm),
+            "generatrix_ends_sigma_mm": _list(candidate.generatrix_ends_sigma_mm),
+            "height_mm": candidate.height_mm,
+            "height_sigma_mm": candidate.height_sigma_mm,
+            "vanishing_normal_distance_deg": candidate.vanishing_distance_deg,
+            "vanishing_normal_distance_sigmas": candidate.vanishing_distance_sigmas,
         }
         solutions.append({key: fields.get(key) for key in _SOLUTION_KEYS})
     fields = circle_fields(circle) | {
         "reason": circle.reason,
         "flags": list(circle.flags),
+        "vanishing_normal": _list(circle.vanishing_normal),
+        "vanishing_normal_sigma_deg": circle.vanishing_sigma_deg,
+        "generatrix_expected_mm": circle.generatrix_expected_mm,
         "solutions": solutions,
     }
     return {key: fields.get(key) for key in _CIRCLE_KEYS}
@@ -95,6 +114,10 @@ def _terms_record(terms: CovarianceTerms | None) -> Row | None:
     if terms is None:
         return None
     return {"image": _matrix(terms.image), "camera": _matrix(terms.camera), "radius": _matrix(terms.radius)}
+
+
+def _list(vector: FloatArray | None) -> list[float] | None:
+    return None if vector is None else vector.tolist()
 
 
 def _matrix(matrix: FloatArray | None) -> list[list[float]] | None:

@@ -50,6 +50,7 @@ COLUMN_MEANING: Mapping[str, str] = {
     "flags": "remarks on a pose that stands, joined with ;",
     "rim_used": "share of the rim, 0 to 1, whose edge the pose rests on",
     "score": "how surely it is a circle's rim, 0 to 1: share of it on an edge, less where that strays or varies",
+    "settled_by": "what settled the choice: vanishing_line, generatrix, joint_fit, common_plane, hint or none",
 }
 COLUMNS: tuple[str, ...] = tuple(COLUMN_MEANING)
 
@@ -93,6 +94,7 @@ def circle_fields(circle: CircleResult) -> Row:
     }
     if circle.candidates:
         fields["ambiguity"] = circle.ambiguity
+        fields["settled_by"] = circle.settled_by
     if circle.ellipse is not None:
         fields["semi_major_px"] = float(circle.ellipse.semi_major)
         fields["semi_minor_px"] = float(circle.ellipse.semi_minor)

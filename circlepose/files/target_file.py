@@ -62,6 +62,9 @@ class _TargetForm(Strict):
     up_hint: _DirectionHint | None = Field(None, description=f"a mapping with direction: {_DIRECTION}")
     facing: Side | _Triple | None = Field(None, description=f"{', '.join(SIDES)}, or {_DIRECTION}")
     radius_sigma_mm: float = Field(0.0, description="one number, the standard deviation of the radius in mm")
+    flatness_sigma_mm: float | None = Field(
+        None, description="one number, the standard deviation in mm of the height between the circles' planes"
+    )
 
 
 def read_target(source: Source) -> Target:
@@ -78,7 +81,7 @@ def target_from_mapping(mapping: Mapping[str, object], where: str) -> Target:
 
     Keys: `kind`, `radius_mm` or `radii_mm`, `generatrix_mm` or `height_mm`, `count`, `polarity`,
     `axis_intervals_px`, `depth_range_mm`, `coplanar`, `normal_hint`, `up_hint`, `facing`,
-    `radius_sigma_mm`. Raises `TargetError`.
+    `radius_sigma_mm`, `flatness_sigma_mm`. Raises `TargetError`.
     """
     _check_units(mapping, where)
     form = parse(_TargetForm, mapping, where, TargetError)
@@ -99,6 +102,7 @@ def target_from_mapping(mapping: Mapping[str, object], where: str) -> Target:
             up_hint=_hint(form.up_hint, UP_SPREAD_DEG),
             facing=_triple(form.facing) if isinstance(form.facing, list) else form.facing,
             radius_sigma_mm=form.radius_sigma_mm,
+            flatness_sigma_mm=form.flatness_sigma_mm,
         )
     except TargetError as reason:
         raise TargetError(f"{where}: {reason}") from None
@@ -129,6 +133,8 @@ def target_to_mapping(target: Target) -> dict[str, object]:
         mapping["facing"] = target.facing if isinstance(target.facing, str) else list(target.facing)
     if target.radius_sigma_mm:
         mapping["radius_sigma_mm"] = target.radius_sigma_mm
+    if target.flatness_sigma_mm is not None:
+        mapping["flatness_sigma_mm"] = target.flatness_sigma_mm
     return mapping
 
 

@@ -1,4 +1,28 @@
 """From a viewing cone or a contour to the candidate poses. A solver returns all solutions and ranks none."""
 
-METHODS = ("chen-huang", "chen-huang-contour", "kanatani-liu", "kabuka-arenas")
+from circlepose.errors import ArgumentError
+
+CIRCLE_METHODS = ("chen-huang", "chen-huang-contour", "kanatani-liu", "kabuka-arenas")
+"""Names of the methods for a single circle."""
+FU_ZHOU = "fu-zhou"
+"""Name of the method for two circles of a ring target; see `ring_fu_zhou`."""
+METHODS = (*CIRCLE_METHODS, FU_ZHOU)
 """Names of the methods, as on the command line and in the table's `method` column."""
+
+
+def methods_for(kind: str, method: str) -> tuple[str, ...]:
+    """Return the methods that `method`, one of `METHODS` or `all`, means for a target of `kind`.
+
+    Raises `ArgumentError` where it is none, or cannot measure such a target.
+    """
+    known = CIRCLE_METHODS if kind == "circle" else METHODS
+    if method == "all":
+        return known
+    if method not in METHODS:
+        raise ArgumentError(f"method: expected all or one of {', '.join(METHODS)}, got {method!r}.")
+    if method not in known:
+        raise ArgumentError(
+            f"method: {method} needs a ring target, kind: coplanar or coaxial, got kind: {kind}; for a lone circle "
+            f"use all or one of {', '.join(CIRCLE_METHODS)}."
+        )
+    return (method,)

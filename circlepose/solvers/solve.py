@@ -9,7 +9,7 @@ import numpy as np
 from circlepose._typing import FloatArray
 from circlepose.cone import PrincipalFrame, cone_kinds, principal_frame
 from circlepose.errors import ArgumentError
-from circlepose.solvers import METHODS, chen_huang, kabuka_arenas, kanatani_liu
+from circlepose.solvers import CIRCLE_METHODS, chen_huang, kabuka_arenas, kanatani_liu
 from circlepose.solvers.chords import chords_from_contour
 
 _SAME_POSE_RAD = 1e-7
@@ -30,7 +30,7 @@ class Solutions:
 
 
 def solve(method: str, factor: FloatArray, contour_rays: FloatArray, radius: float) -> Solutions | str:
-    """Return the candidate poses of a circle of `radius` by `method` (a name of `METHODS`), or why there are none.
+    """Return the candidate poses of a circle of `radius` by a method of `CIRCLE_METHODS`, or why there are none.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def solve(method: str, factor: FloatArray, contour_rays: FloatArray, radius: flo
         case "kabuka-arenas":
             poses = kabuka_arenas.poses_from_factor(factor, radius)
         case _:
-            raise ArgumentError(f"method: expected one of {', '.join(METHODS)}, got {method!r}.")
+            raise ArgumentError(f"method: expected one of {', '.join(CIRCLE_METHODS)}, got {method!r}.")
     if poses is None:
         return "the circle is seen edge-on; the method needs an ellipse"
     return _distinct(*poses, cone_kinds(frame), mended)

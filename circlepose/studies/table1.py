@@ -21,7 +21,7 @@ from circlepose.conic import Ellipse, signed_distance
 from circlepose.fitting.direct import fit_ellipse
 from circlepose.fitting.viewing_cone import factor_from_ellipse
 from circlepose.pipeline import estimate
-from circlepose.solvers import METHODS, kabuka_arenas, kanatani_liu
+from circlepose.solvers import CIRCLE_METHODS, kabuka_arenas, kanatani_liu
 from circlepose.solvers.chen_huang import poses_from_frame
 from circlepose.solvers.chords import chords_from_contour
 from circlepose.studies.nearness import angle_deg, distance_mm, nearest, triple
@@ -115,7 +115,7 @@ _Measured: TypeAlias = dict[Source, tuple[str, dict[str, _Pose | None]]]
 def _measure(scene: Scene, true_normal: FloatArray) -> _Measured:
     image = render(scene)
     rim: Ellipse | None = None
-    own: dict[str, _Pose | None] = dict.fromkeys(METHODS)
+    own: dict[str, _Pose | None] = dict.fromkeys(CIRCLE_METHODS)
     for circle in estimate(image, scene.camera, CD_TARGET, method="all").circles:
         if circle.candidates:
             rim = circle.ellipse

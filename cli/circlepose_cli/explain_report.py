@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from circlepose.explain import ExplainedCircle, Explanation, stretches_left_out
 from circlepose.files.names import printable
 from circlepose.files.records import image_record
 from circlepose.fitting.residuals import LevelResiduals
-from circlepose.pose import Candidate, CircleResult, CovarianceTerms, Flag
+from circlepose.pose import SETTLED_BY_MEANING, Candidate, CircleResult, CovarianceTerms, Flag
 from circlepose.uncertainty import TERMS, shares
 
 SCHEMA = "circlepose.explain/1"
@@ -64,6 +64,9 @@ def _circle_rows(circle: ExplainedCircle, *, refine: bool) -> Iterator[tuple[str
         yield f"pose {number}", _pose(candidate, chosen=number == result.chosen)
     if result.candidates:
         yield "ambiguity", f"{_small(result.ambiguity)}, the probability that the chosen pose is the wrong one"
+        yield "settled by", f"{result.settled_by}: {SETTLED_BY_MEANING[result.settled_by]}"
+        for name, words in zip(("", "", "", ""), _cues(result), strict=False):
+            yield name, words
         for name, words in zip(("uncertainty", ""), _uncertainty(result, refine=refine), strict=False):
             yield name, words
     if result.flags:
@@ -160,6 +163,53 @@ def _pose(candidate: Candidate, *, chosen: bool) -> str:
         center += " +- ({:.2g}, {:.2g}, {:.2g})".format(*sigma[:3])
         normal += f" +- {math.degrees(float(np.hypot(*sigma[3:]))):.2g} deg"
     return f"centre {center}, normal {normal}{', chosen' if chosen else ''}"
+
+
+def _cues(result: CircleResult) -> Iterator[str]:
+    """Say what a ring target's second circle shows of each candidate."""
+    if result.vanishing_normal is not None and result.vanishing_sigma_deg is not None:
+        normal = "({:.4f}, {:.4f}, {:.4f})".format(*result.vanishing_normal)
+        distances = _by_pose(_distance(candidate) for candidate in result.candidates)
+        yield f"vanishing line: normal {normal} +- {result.vanishing_sigma_deg:.2g} deg; away from {distances}"
+    lengths = _by_pose(_ends(candidate) for candidate in result.candidates)
+    if lengths:
+        expected = result.generatrix_expected_mm
+        given = "both ends alike" if expected is None else f"{expected:.2f} mm"
+        yield f"generatrix: expected {given}, measured at the near and the far end {lengths}"
+    heights = _by_pose(_height(candidate) for candidate in result.candidates)
+    if heights:
+        yield f"height of the other circles in front of the largest: {heights}"
+
+
+def _by_pose(words: Iterable[str | None]) -> str:
+    return ", ".join(f"pose {number}: {each}" for number, each in enumerate(words) if each is not None)
+
+
+def _distance(candidate: Candidate) -> str | None:
+    if candidate.vanishing_distance_deg is None:
+        return None
+    return f"{candidate.vanishing_distance_deg:.2g} deg{_in_sigmas(candidate)}"
+
+
+def _height(candidate: Candidate) -> str | None:
+    if candidate.height_mm is None or candidate.height_sigma_mm is None:
+        return None
+    return f"{candidate.height_mm:.3f} +- {candidate.height_sigma_mm:.2g} mm"
+
+
+def _in_sigmas(candidate: Candidate) -> str:
+    sigmas = candidate.vanishing_distance_sigmas
+    return "" if sigmas is None else f" or {sigmas:.1f} sigma"
+
+
+def _ends(candidate: Candidate) -> str | None:
+    if candidate.generatrix_ends_mm is None:
+        return None
+    sigmas = candidate.generatrix_ends_sigma_mm
+    if sigmas is None:
+        return "{:.2f} and {:.2f} mm".format(*candidate.generatrix_ends_mm)
+    near, far = (f"{end:.2f} +- {sigma:.2g}" for end, sigma in zip(candidate.generatrix_ends_mm, sigmas, strict=True))
+    return f"{near} and {far} mm"
 
 
 def _small(probability: float) -> str:

@@ -30,6 +30,7 @@ class MethodChoice(StrEnum):
     CHEN_HUANG_CONTOUR = "chen-huang-contour"
     KANATANI_LIU = "kanatani-liu"
     KABUKA_ARENAS = "kabuka-arenas"
+    FU_ZHOU = "fu-zhou"
     ALL = "all"
 
 

@@ -13,13 +13,14 @@ from pathlib import Path
 from circlepose.batch.journal import Journal
 from circlepose.batch.local import MeasureOptions, WorkItem, available_cores, measure_files
 from circlepose.batch.resume import measure_with_journal
-from circlepose.errors import UsageError
+from circlepose.errors import ArgumentError, UsageError
 from circlepose.files.inputs import STDIN, InputImage, are_streamed, expand_inputs
 from circlepose.files.read_files import Outputs
 from circlepose.files.reference import Reference, read_reference
 from circlepose.files.remote import Place
 from circlepose.files.unread_kinds import skipped_line
 from circlepose.pose import ImageResult
+from circlepose.solvers import methods_for
 from circlepose_cli.destination import Unfinished, open_journal, open_output, output_place
 from circlepose_cli.interruption import EXIT_CODE as INTERRUPTED
 from circlepose_cli.interruption import Interruption
@@ -95,7 +96,7 @@ def _run(request: Request, held: ExitStack) -> int:
         radius_mm=request.radius_mm,
         overrides=request.overrides,
         force_calibration=request.force_calibration,
-        tell=lambda folder, setup: _tell_setup(reporter, outputs, folder, setup),
+        tell=lambda folder, setup: _accept_setup(reporter, outputs, folder, setup, request.method),
     )
     reference = _reference(request)
     outputs.refuse(request.reference, "the reference")
@@ -230,9 +231,13 @@ def _check_form(output_format: FormatChoice, request: Request) -> None:
         require_parquet()
 
 
-def _tell_setup(reporter: Reporter, outputs: Outputs, folder: Place, setup: Setup) -> None:
+def _accept_setup(reporter: Reporter, outputs: Outputs, folder: Place, setup: Setup, method: MethodChoice) -> None:
     outputs.refuse(setup.camera_file.path, "the calibration")
     outputs.refuse(setup.target_path, "the target")
+    try:
+        methods_for(setup.target.kind, method.value)
+    except ArgumentError as error:
+        raise UsageError(f"{setup.target_origin}: --{error}") from None
     for note in setup.notes:
         reporter.note(note)
     reporter.detail(f"{folder}: camera {setup.camera_file.path}, target {setup.target_origin}")
