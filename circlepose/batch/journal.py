@@ -12,7 +12,7 @@ import stat
 import sys
 import zlib
 from collections.abc import Iterator, Mapping
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from hashlib import blake2b
 from pathlib import Path
 from typing import IO, Self
@@ -141,7 +141,7 @@ def _opened_alone(path: Path, output: str) -> IO[bytes]:
             # Some network file systems have no locks.
             return handle
         with suppress(FileNotFoundError):
-            if path.stat().st_ino == os.fstat(handle.fileno()).st_ino:
+            if os.path.samestat(path.stat(), os.stat(handle.fileno())):  # noqa: PTH116 - a descriptor
                 return handle
         # Another run has just ended and removed it.
         handle.close()
@@ -157,11 +157,14 @@ def _opened(path: Path, output: str) -> IO[bytes]:
         if not path.is_symlink():
             raise
         raise _no_journal(path) from None
-    status = os.fstat(descriptor)
-    if not stat.S_ISREG(status.st_mode) or status.st_nlink > 1:
-        os.close(descriptor)
-        raise _no_journal(path)
-    sync_folder_of(path)
+    with ExitStack() as until_known:
+        until_known.callback(os.close, descriptor)
+        with on_behalf(output):
+            status = os.fstat(descriptor)
+            sync_folder_of(path)
+        if not stat.S_ISREG(status.st_mode) or status.st_nlink > 1:
+            raise _no_journal(path)
+        until_known.pop_all()
     return os.fdopen(descriptor, "rb+", buffering=0)
 
 
