@@ -40,7 +40,7 @@ def refined(grey: Image, camera: Camera, rims: Sequence[Rim]) -> list[Rim]:
     """Fit the rims to the levels of `grey` (h, w); a rim whose levels tell nothing better stays as it is."""
     limits = level_limits(grey)
     done = list(rims)
-    open_ = [i for i, rim in enumerate(rims) if rim.modes_covariance is None]
+    open_ = [i for i, rim in enumerate(rims) if rim.modes_covariance is None and rim.ellipse_covariance is None]
     many = len(open_) >= _MANY
     reach = np.full(len(rims), REACH_PX)
     blur = start_blur(len(rims))

@@ -78,8 +78,8 @@ def find_contours(
     `keep_concentric` also returns contours inside others of the same centre (rings). With `enough` the search ends
     when as many have more evidence than any smaller circle could have. Slivers, circles seen
     nearly edge-on, are looked for when the minor axis may be that small by its own interval, or when there are
-    fewer than `enough` contours otherwise; in both cases only where a length to expect is given, as every thin
-    line would be one.
+    fewer than `enough` contours otherwise (of all, none). Where no length to expect is given, only those are taken
+    whose width falls off towards the tips as an ellipse's does, as every thin line would be one.
     """
     levels = grey if grey.dtype == np.uint8 else grey.astype(np.float32)
     range_ = float(np.ptp(levels[::8]))
@@ -104,9 +104,9 @@ def find_contours(
             tiles = unexplained_tiles(images[1], known, 2.0)
             if not tiles.any():
                 break
-        rough = rough_ellipses(images[level], scale, intervals, known, rejected, extraction, tiles)
-        # Only where there is a length to expect: every thin line would be a circle seen edge-on.
-        if intervals.major_px is not None:
+        has_length = intervals.major_px is not None
+        rough = rough_ellipses(images[level], scale, intervals, known, rejected, extraction, tiles, lines=has_length)
+        if has_length:
             are_lines = are_thin(rough)
             if level < _SLIVER_LEVELS:
                 thin.append(rough[are_lines])
@@ -126,7 +126,12 @@ def find_contours(
             kept, reasons = select(found)
         rejected.update(reasons.values())
     contours = [found.contour(i) for i in kept] if found is not None else []
-    if thin and (slivers_wanted or (enough is not None and len(contours) < enough)):
+    least = int(not keep_concentric) if enough is None else enough
+    if slivers_wanted or len(contours) < least:
+        if intervals.major_px is None:
+            known = _NONE if found is None else found.ellipse[kept]
+            finest = list(enumerate(images[:_SLIVER_LEVELS]))
+            thin = [_lines(image, 2.0**i, intervals, known, extraction) for i, image in reversed(finest)]
         lines = without_repeats(joined(thin[::-1]), 1.0)
         slivers = find_slivers(levels, lines, intervals, polarity, rejected)
         contours = [*slivers, *(c for c in contours if not any(same(c.ellipse, s.ellipse) for s in slivers))]
@@ -138,6 +143,12 @@ def find_contours(
         refused_why=tuple(reasons.values()),
         is_complete=level == 0,
     )
+
+
+def _lines(image: Image, scale: float, intervals: AxisIntervals, known: Ellipse, extraction: str) -> Ellipse:
+    """Return what in `image` may be part of a circle seen edge-on, beside the rims `known`."""
+    rough = rough_ellipses(image, scale, intervals, known, Counter(), extraction, lines=True)
+    return rough[are_thin(rough)]
 
 
 def _settled(found: Candidates, reasons: dict[int, Rejection]) -> BoolArray:

@@ -22,6 +22,7 @@ from circlepose.cone import PrincipalFrame, plane_basis
 from circlepose.conic import Ellipse, signed_distance
 from circlepose.fitting.consensus import local_scatter, on_one_ellipse
 from circlepose.fitting.direct import fit_ellipse
+from circlepose.solvers.chord_refinement import refined_frame
 from circlepose.vectors import cross
 
 _WINDOW_SHARE = 0.1
@@ -116,7 +117,20 @@ def _find(rays: FloatArray, sub_pixel: bool) -> Chords | str:
     t = float(np.tan(_angle_between(b, c) / 2.0))
     # The chords bisect each other's angle; the print has v_b' = v_c', which noise leaves to their mean.
     frame = PrincipalFrame(turn.T, np.asarray(s), np.asarray(min(t, s)))
-    return Chords(p, q, b, c, frame, float(np.mean(_near_rim(rays, frame))))
+    slack = 0.0 if sub_pixel else np.pi / len(rays)
+    support = float(np.mean(_near_rim(rays, frame, slack)))
+    refined = refined_frame(rays, frame, _half_window(len(rays))) if sub_pixel and support >= _SUPPORT else None
+    if refined is not None:
+        better = float(np.mean(_near_rim(rays, refined)))
+        if better >= support:
+            return Chords(*_ends(refined), refined, better)
+    return Chords(p, q, b, c, frame, support)
+
+
+def _ends(frame: PrincipalFrame) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return the rays p, q, b and c of a frame."""
+    s, t, turn = float(frame.tan_half_major), float(frame.tan_half_minor), frame.rotation.T
+    return _ray(turn, s, 0.0), _ray(turn, -s, 0.0), _ray(turn, 0.0, t), _ray(turn, 0.0, -t)
 
 
 def _frame(p: FloatArray, q: FloatArray) -> FloatArray:
@@ -189,14 +203,17 @@ def _half_window(number: int) -> int:
     return max(_WINDOW_LEAST, round(_WINDOW_SHARE * number / 2.0))
 
 
-def _near_rim(rays: FloatArray, frame: PrincipalFrame) -> BoolArray:
-    """Tell which rays (n,) lie on the rim (x/s)^2 + (y/t)^2 = z^2 of the frame."""
+def _near_rim(rays: FloatArray, frame: PrincipalFrame, slack: float = 0.0) -> BoolArray:
+    """Tell which rays (n,) lie on the rim (x/s)^2 + (y/t)^2 = z^2 of the frame.
+
+    With p and q off their places along the rim by up to `slack` rad of it, as contour points are.
+    """
     s, t = float(frame.tan_half_major), float(frame.tan_half_minor)
     rim = Ellipse.from_axes([0.0, 0.0], [s, t], 0.0)
     distance = signed_distance(rim, _plane(rays, frame.rotation.T))
     second = distance - (np.roll(distance, 1) + np.roll(distance, -1)) / 2.0
     noise = 1.4826 * float(np.median(np.abs(second))) / np.sqrt(1.5)
-    return np.asarray(np.abs(distance) <= max(_NEAR_SHARE * t, _NEAR_LENGTH * s, _NEAR_NOISE * noise))
+    return np.asarray(np.abs(distance) <= max((_NEAR_SHARE + slack) * t, _NEAR_LENGTH * s, _NEAR_NOISE * noise))
 
 
 def _widest_pair(rays: FloatArray) -> tuple[int, int]:
