@@ -212,7 +212,7 @@ def _thin_rim(levels: Image, camera: Camera, contour: Contour) -> Rim | None:
     fitted = fit_thin_ellipse(levels, contour.ellipse, seen=contour.points)
     if fitted is None or fitted.rms_levels > _WORST_RMS * fitted.peak_levels:
         return None
-    if not _has_length(fitted) or (fitted.rim_used < _FULL_RIM and not _is_settled(fitted)):
+    if not _has_settled_length(fitted) or (fitted.rim_used < _FULL_RIM and not _is_settled(fitted)):
         return None
     points = fitted.ellipse.points(_THIN_PLACES)
     factor = factor_from_ellipse(camera, fitted.ellipse)
@@ -232,7 +232,7 @@ def _thin_rim(levels: Image, camera: Camera, contour: Contour) -> Rim | None:
     )
 
 
-def _has_length(fitted: ThinEllipse) -> bool:
+def _has_settled_length(fitted: ThinEllipse) -> bool:
     """Tell whether the levels of a sliver settle how long it is, and with it how far away."""
     return float(np.sqrt(fitted.covariance[2, 2])) < _WORST_LENGTH * float(fitted.ellipse.semi_major)
 
@@ -297,6 +297,20 @@ def rim_from_fit(
     if not found[0]:
         return None
     return Rim(fit, points, ellipses[0], rim_used, polarity, _axis_error_px(fit, len(points)))
+
+
+def segment_from_fit(camera: Camera, fit: ConeFit, points: FloatArray) -> Rim:
+    """Return the rim of a flat cone fitted to `points` (n, 2): a segment, straight between its ends in the image."""
+    ends = camera.project((fit.factor[:, 2] + np.array([[-1.0], [1.0]]) * fit.factor[:, 0]))
+    half = (ends[1] - ends[0]) / 2.0
+    ellipse = Ellipse.from_axes(ends.mean(axis=0), [np.hypot(*half), 0.0], np.arctan2(half[1], half[0]))
+    return Rim(fit, points, ellipse, 1.0, 1, _axis_error_px(fit, len(points)))
+
+
+def has_length(rim: Rim) -> bool:
+    """Tell whether the points of a rim, by their scatter about it, settle its semi-major axis."""
+    error = float(axis_errors(rim.ellipse, rim.points, max(rim.cone.rms_px, _LEAST_NOISE_PX))[0])
+    return error < _WORST_LENGTH * float(rim.ellipse.semi_major)
 
 
 def _axis_error_px(fit: ConeFit, number: int) -> float:

@@ -5,7 +5,8 @@ b and c are where the contour crosses the plane that bisects that angle, at a ri
 q. What lies elsewhere on the contour has no say: an outlier there does no harm.
 
 The extreme of many noisy points is biased outwards, and a contour of pixels knows its points to half a pixel.
-So each of the four is read off a low polynomial through the contour near it. And where one of the four lies on the
+So each of the four is read off a low polynomial through the contour near it, and then again off what is left between
+the contour and the rim that they give (`chord_refinement`): exact on an exact contour of 16 points or more. And where one of the four lies on the
 outlier itself, the pose is wrong, however good the rest: the rim that the four give is held against the whole
 contour. If less than half of it lies there, the outlier is moved onto the ellipse that most of the contour agrees
 on and the four are found again.
@@ -31,6 +32,10 @@ _DEGREE = 3
 _WINDOW_LEAST = 2
 _GAP = 6.0
 """Gaps in the contour this many times the usual spacing are hidden arcs, not sampling."""
+_FLATTEST = 1e-9
+"""Width of a contour, as a share of its length, that is rounding."""
+_THIN, _CORNER = 0.02, 0.005
+"""Axis ratio of a contour that may be a segment, and how far its ends then stand beyond p and q, as a share."""
 _ROUNDS = 3
 _SUPPORT = 0.55
 _LEAST_SUPPORT = 0.45
@@ -103,6 +108,11 @@ def _find(rays: FloatArray, sub_pixel: bool) -> Chords | str:
     if float(np.linalg.norm(cross(p, q))) == 0.0:
         return "all points of the contour are the same"
     turn = _frame(p, q)
+    x, y = _plane(rays, turn).T
+    if float(np.ptp(y)) <= _FLATTEST * float(np.ptp(x)):
+        # Edge-on the contour turns back at p and q, where no polynomial follows it; b and c are one.
+        s = float(np.tan(_angle_between(p, q) / 2.0))
+        return Chords(p, q, turn[2], turn[2], PrincipalFrame(turn.T, np.asarray(s), np.asarray(0.0)), 1.0)
     if sub_pixel:
         for _ in range(_ROUNDS):
             local = _plane(rays, turn)
@@ -115,6 +125,9 @@ def _find(rays: FloatArray, sub_pixel: bool) -> Chords | str:
     b, c = _ray(turn, 0.0, ends[0]), _ray(turn, 0.0, ends[1])
     s = float(np.tan(_angle_between(p, q) / 2.0))
     t = float(np.tan(_angle_between(b, c) / 2.0))
+    if sub_pixel and t < _THIN * s and float(np.ptp(local[:, 0])) > 2.0 * s * (1.0 + _CORNER):
+        # A segment with some noise across it: its ends are corners, which polynomials cut off.
+        return _find(rays, sub_pixel=False)
     # The chords bisect each other's angle; the print has v_b' = v_c', which noise leaves to their mean.
     frame = PrincipalFrame(turn.T, np.asarray(s), np.asarray(min(t, s)))
     slack = 0.0 if sub_pixel else np.pi / len(rays)
