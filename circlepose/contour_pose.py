@@ -32,8 +32,9 @@ def estimate_from_contour(
     Returns
     -------
     As `circlepose.estimate` gives for a lone circle. Of a segment, a circle seen edge-on, `chen-huang` and
-    `chen-huang-contour` give two poses: one centre and opposite normals. What is wrong with a contour is a status: `too_few_points`,
-    `points_coincide`, `self_crossing`, `touches_border` (the camera must know its image size), `no_pose`.
+    `chen-huang-contour` give two poses: one centre and opposite normals. What is wrong with a contour is a status:
+    `too_few_points`, `points_coincide`, `self_crossing`, `touches_border` (the camera must know its image size),
+    `no_pose`.
 
     Raises
     ------

@@ -82,7 +82,9 @@ def segment_covariance(
     for i in range(5):
         step = _STEP_PX / (float(ellipse.semi_major) if i == 4 else 1.0)
         # No width is negative.
-        ends = [_pose_of(camera, theta + end * (np.arange(5) == i), normal, radius) for end in (step, -step * (i != 3))]
+        ends = [
+            _pose_of(camera, theta + end * (np.arange(5) == i), normal, radius) for end in (step, -step * (i != 3))
+        ]
         if ends[0] is None or ends[1] is None:
             return None
         (center_1, normal_1), (center_0, normal_0) = ends[0], ends[1]

@@ -301,7 +301,7 @@ def rim_from_fit(
 
 def segment_from_fit(camera: Camera, fit: ConeFit, points: FloatArray) -> Rim:
     """Return the rim of a flat cone fitted to `points` (n, 2): a segment, straight between its ends in the image."""
-    ends = camera.project((fit.factor[:, 2] + np.array([[-1.0], [1.0]]) * fit.factor[:, 0]))
+    ends = camera.project(fit.factor[:, 2] + np.array([[-1.0], [1.0]]) * fit.factor[:, 0])
     half = (ends[1] - ends[0]) / 2.0
     ellipse = Ellipse.from_axes(ends.mean(axis=0), [np.hypot(*half), 0.0], np.arctan2(half[1], half[0]))
     return Rim(fit, points, ellipse, 1.0, 1, _axis_error_px(fit, len(points)))

@@ -57,7 +57,12 @@ CUT = np.concatenate([contour(200), np.stack([np.full(40, 0.0), np.linspace(400.
         (CROSSED, Status.SELF_CROSSING),
         (CUT, Status.TOUCHES_BORDER),
         (np.stack([np.linspace(60, 1200, 50), np.linspace(60, 200, 50)], axis=1), Status.NO_POSE),
-        (np.stack([np.linspace(100, 300, 50), 100 + 0.5 * (np.arange(50) == 20) + 0.5 * (np.arange(50) == 30)], axis=1), Status.NO_POSE),
+        (
+            np.stack(
+                [np.linspace(100, 300, 50), 100 + 0.5 * (np.arange(50) == 20) + 0.5 * (np.arange(50) == 30)], axis=1
+            ),
+            Status.NO_POSE,
+        ),
     ],
     ids=["five", "none", "equal", "crossing", "border", "bent line", "ragged line"],
 )
@@ -86,7 +91,9 @@ def test_a_segment_has_the_two_poses_of_the_paper(coefficients, along, method):
     assert len(result.candidates) == 2
     s = np.linalg.norm(last - first) / np.linalg.norm(w)
     for candidate in result.candidates:
-        np.testing.assert_allclose(candidate.center, 60.0 * np.sqrt(1.0 + s**2) / s * w / np.linalg.norm(w), atol=1e-6)
+        np.testing.assert_allclose(
+            candidate.center, 60.0 * np.sqrt(1.0 + s**2) / s * w / np.linalg.norm(w), atol=1e-6
+        )
         assert abs(candidate.normal @ v) / np.linalg.norm(v) == pytest.approx(1.0, abs=1e-12)
     assert result.candidates[0].normal @ result.candidates[1].normal == pytest.approx(-1.0, abs=1e-12)
 

@@ -72,8 +72,8 @@ def rough_ellipses(
     """Return the ellipses (batch, full-size px) that edge chains of `image`, reduced by `scale`, suggest.
 
     With `tiles`, see `unexplained`, edges are looked for only there. Chains along the rims `known` (batch, full-size
-    px) suggest nothing new. Chains passed over are counted in `rejected`. With `lines` also what looks straight, which
-    may be a side of a circle seen edge-on.
+    px) suggest nothing new. Chains passed over are counted in `rejected`. With `lines` also straight ones
+    count, which may be a side of a circle seen edge-on.
     """
     is_coincidence = extraction == "coincidence"
     chains = border_chains(image, _SHORTEST) if is_coincidence else edge_chains(image, _SHORTEST, tiles)

@@ -61,6 +61,8 @@ _MOST_PARTIAL = 6
 """Candidates of one image so looked at, the most evident first."""
 _SEEN_PX = 20.0
 """A circle as large in a reduced image is found there."""
+_LINE_RATIO = 0.25
+"""Axis ratio of a rough ellipse that may be of a sliver; short ones are rough ones."""
 _SLIVER_LEVELS = 2
 """Full and half size: the two sides of a sliver are one in smaller images."""
 
@@ -129,10 +131,8 @@ def find_contours(
     least = int(not keep_concentric) if enough is None else enough
     if slivers_wanted or len(contours) < least:
         if intervals.major_px is None:
-            known = _NONE if found is None else found.ellipse[kept]
-            finest = list(enumerate(images[:_SLIVER_LEVELS]))
-            thin = [_lines(image, 2.0**i, intervals, known, extraction) for i, image in reversed(finest)]
-        lines = without_repeats(joined(thin[::-1]), 1.0)
+            thin = _lines(images, intervals, _NONE if found is None else found.ellipse[kept], extraction)
+        lines = without_repeats(joined(thin[::-1]), 1.0) if thin else _NONE
         slivers = find_slivers(levels, lines, intervals, polarity, rejected)
         contours = [*slivers, *(c for c in contours if not any(same(c.ellipse, s.ellipse) for s in slivers))]
     refused = _NONE if found is None else found.ellipse[list(reasons)]
@@ -145,10 +145,13 @@ def find_contours(
     )
 
 
-def _lines(image: Image, scale: float, intervals: AxisIntervals, known: Ellipse, extraction: str) -> Ellipse:
-    """Return what in `image` may be part of a circle seen edge-on, beside the rims `known`."""
-    rough = rough_ellipses(image, scale, intervals, known, Counter(), extraction, lines=True)
-    return rough[are_thin(rough)]
+def _lines(images: list[Image], intervals: AxisIntervals, known: Ellipse, extraction: str) -> list[Ellipse]:
+    """Return what in `images`, from full size on, may be part of a circle seen edge-on, beside the rims `known`."""
+    thin = []
+    for level in reversed(range(min(_SLIVER_LEVELS, len(images)))):
+        rough = rough_ellipses(images[level], 2.0**level, intervals, known, Counter(), extraction, lines=True)
+        thin.append(rough[rough.semi_minor < np.minimum(THIN_PX, _LINE_RATIO * rough.semi_major)])
+    return thin
 
 
 def _settled(found: Candidates, reasons: dict[int, Rejection]) -> BoolArray:

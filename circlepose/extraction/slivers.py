@@ -45,7 +45,8 @@ _TAPER = 0.5
 """`ThinEllipse.taper` of an ellipse."""
 _TAPER_SLACK, _TAPER_SIGMAS, _WORST_TAPER = 0.08, 2.0, 0.07
 """A bar, or what two arcs bound, is at least 0.25 from it; sigma beyond which that would not be noticed."""
-_LEAST_WHOLE = 0.85
+_LEAST_WHOLE, _WORST_TAPER_OF_PART = 0.85, 0.025
+"""Share of the rim in use, and what is asked of less: leaving out stretches makes an ellipse of other things too."""
 _MOST_STRUCTURE = 1.6
 
 
@@ -73,28 +74,23 @@ def _sliver(levels: Image, rough: Ellipse, intervals: AxisIntervals) -> Contour 
     Where no length is expected its taper has to show that it is no other thin thing.
     """
     contour = _from_both_sides(levels, rough)
-    fitted: ThinEllipse | Rejection | None
-    if contour is None:
-        fitted = _fit_whole(levels, rough, intervals)
-        if isinstance(fitted, Rejection):
-            return fitted
-    elif intervals.major_px is None:
-        fitted = fit_thin_ellipse(levels, contour.ellipse, seen=contour.points)
-    if intervals.major_px is None and (fitted is None or not _tapers(fitted)):
+    if contour is not None and intervals.major_px is not None:
+        return contour
+    if contour is not None:
+        own = fit_thin_ellipse(levels, contour.ellipse, seen=contour.points)
+        return contour if own is not None and _tapers(own) else Rejection.NOT_ELLIPTICAL
+    fitted = _fit_whole(levels, rough, intervals)
+    if intervals.major_px is None and isinstance(fitted, ThinEllipse) and not _tapers(fitted):
         return Rejection.NOT_ELLIPTICAL
-    return contour or _from_levels(fitted)
+    return _from_levels(fitted)
 
 
 def _tapers(fitted: ThinEllipse) -> bool:
-    """Tell whether a sliver that is seen whole surely gets thinner towards its tips as an ellipse does."""
+    """Tell whether a sliver surely gets thinner towards its tips as an ellipse does."""
     sigma = fitted.taper_sigma * max(fitted.structure, 1.0)
+    worst = _WORST_TAPER if fitted.rim_used >= _LEAST_WHOLE else _WORST_TAPER_OF_PART
     off = abs(fitted.taper - _TAPER)
-    return (
-        fitted.rim_used >= _LEAST_WHOLE
-        and fitted.structure <= _MOST_STRUCTURE
-        and sigma <= _WORST_TAPER
-        and off <= _TAPER_SLACK + _TAPER_SIGMAS * sigma
-    )
+    return fitted.structure <= _MOST_STRUCTURE and sigma <= worst and off <= _TAPER_SLACK + _TAPER_SIGMAS * sigma
 
 
 def _from_both_sides(levels: Image, rough: Ellipse) -> Contour | None:

@@ -13,7 +13,6 @@ from circlepose._typing import FloatArray
 from circlepose.conic import Ellipse, rim_distance
 from circlepose.fitting.direct import fit_ellipse
 from circlepose.fitting.viewing_cone import ConeFit, SeenPoints
-from circlepose.vectors import cross
 
 FLAT_PX = 0.35
 """Half the width up to which a contour may be a segment: what is narrower is taken to be seen edge-on."""
@@ -56,9 +55,7 @@ def fit_flat_cone(seen: SeenPoints) -> ConeFit | None:
     return ConeFit(factor, residuals)
 
 
-def _ends(
-    rays: FloatArray, across: FloatArray, first: FloatArray, last: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def _ends(rays: FloatArray, across: FloatArray, first: FloatArray, last: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the rays of both ends: those of the ellipse that the contour is, if it has a width, or its extremes."""
     factor = _sector(first, last, across)
     local = rays @ np.linalg.inv(factor).T
@@ -83,7 +80,7 @@ def _extremes(factor: FloatArray, ellipse: Ellipse) -> tuple[FloatArray, FloatAr
 
 
 def _sector(first: FloatArray, last: FloatArray, across: FloatArray) -> FloatArray:
-    """Return a factor (3, 3) of the plane sector between two rays; its second column is `across`, for a basis only."""
+    """Return a factor (3, 3) of the plane sector between two rays. Its second column is `across`, for a basis."""
     first, last = (end - (end @ across) * across for end in (first, last))
     first, last = first / np.linalg.norm(first), last / np.linalg.norm(last)
     w = first + last

@@ -69,7 +69,7 @@ class ThinEllipse:
     kept: BoolArray
     """(s,) the stretches of its rim that are not covered or touched by something else"""
     taper: float
-    """exponent p with which its width falls off towards the tips as (1 - (x/a)^2)^p: 1/2 for an ellipse, 0 for a bar"""
+    """exponent p with which its width falls off towards the tips, (1 - (x/a)^2)^p: 1/2 of an ellipse, 0 of a bar"""
     taper_sigma: float
     covariance: FloatArray
     """(5, 5) of centre x, y, semi-major, semi-minor (px) and angle (rad), with the blur unknown"""

@@ -91,9 +91,7 @@ def _near(angle: FloatArray, left: FloatArray, spread: FloatArray, anchor: float
     return _Parabola(float(value), float(slope) / width, float(np.linalg.norm(solution[0])))
 
 
-def _next(
-    rotation: FloatArray, s: float, t: float, fits: list[_Parabola]
-) -> tuple[FloatArray, float, float]:
+def _next(rotation: FloatArray, s: float, t: float, fits: list[_Parabola]) -> tuple[FloatArray, float, float]:
     """Return the frame, s and t that r at p, q, b and c asks for."""
     p, q, b, c = fits
     # The vertex is where (1 + r) cos(angle) is largest.

@@ -6,10 +6,11 @@ q. What lies elsewhere on the contour has no say: an outlier there does no harm.
 
 The extreme of many noisy points is biased outwards, and a contour of pixels knows its points to half a pixel.
 So each of the four is read off a low polynomial through the contour near it, and then again off what is left between
-the contour and the rim that they give (`chord_refinement`): exact on an exact contour of 16 points or more. And where one of the four lies on the
-outlier itself, the pose is wrong, however good the rest: the rim that the four give is held against the whole
-contour. If less than half of it lies there, the outlier is moved onto the ellipse that most of the contour agrees
-on and the four are found again.
+the contour and the rim that they give (`chord_refinement`): exact on an exact contour of 16 points or more.
+
+Where one of the four lies on the outlier itself, the pose is wrong, however good the rest: the rim that the four
+give is held against the whole contour. If less than half of it lies there, the outlier is moved onto the ellipse
+that most of the contour agrees on and the four are found again.
 """
 
 from __future__ import annotations

@@ -39,7 +39,7 @@ def poses_from_cone(cone: FloatArray, radius: FloatArray | float) -> tuple[Float
     q = q * np.where(np.linalg.det(q) > 0.0, -1.0, 1.0)[..., None, None]
     eigenvalues, vectors = np.linalg.eigh(q)
     l3, l1, l2 = (eigenvalues[..., i] for i in range(3))
-    if not np.all(np.minimum(l1, -l3) > _LEAST_SHARE * l2):
+    if not np.all(np.minimum(l1, -l3) > _LEAST_SHARE * np.maximum(l2, -l3)):
         raise ArgumentError("cone: is singular (edge-on view), the method needs an ellipse.")
     return _poses(np.stack([l3, l1, l2], axis=-1), vectors, np.asarray(radius, dtype=np.float64))
 
@@ -67,7 +67,10 @@ def _poses(eigenvalues: FloatArray, vectors: FloatArray, radius: FloatArray) -> 
     signs = np.array([1.0, -1.0])
     away = signs[:, None] * (across[..., None] * u2)[..., None, :] + (along[..., None] * u3)[..., None, :]
     # Q^-1 n, in the eigenvectors.
-    ray = signs[:, None] * (across / l2)[..., None, None] * u2[..., None, :] + ((along / l3)[..., None] * u3)[..., None, :]
+    ray = (
+        signs[:, None] * (across / l2)[..., None, None] * u2[..., None, :]
+        + ((along / l3)[..., None] * u3)[..., None, :]
+    )
     depth = across**2 / l2 + along**2 / l3
     centers = ray * (l1**1.5 * radius / depth)[..., None, None]
     return centers, -away
