@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TypeGuard
 
 import numpy as np
@@ -13,14 +14,17 @@ from circlepose._typing import FloatArray
 from circlepose.camera import Camera
 from circlepose.errors import ArgumentError
 from circlepose.fitting.direct import MINIMUM_POINTS
-from circlepose.fitting.viewing_cone import fit_cone
-from circlepose.measure import rim_from_fit
+from circlepose.fitting.flat_cone import fit_flat_cone, is_flat
+from circlepose.fitting.viewing_cone import SeenPoints, fit_cone_to
+from circlepose.measure import Rim, has_length, rim_from_fit, segment_from_fit
 from circlepose.pose import CircleResult, Status
 from circlepose.solutions import circle_results
-from circlepose.solvers import METHODS
+from circlepose.solvers import CIRCLE_METHODS
 
 _EXPECTED = "the (n, 2) px of one contour, in order along the rim"
 _FARTHEST_PX = 1e6
+_SLIVER_PX = 2.0
+"""Semi-minor axis up to which noise may be all the width that a contour has."""
 _BORDER_PX = 1.0
 _BORDER_SHARE = 0.05
 _MOST_CROSSING_CHECK = 400
@@ -41,12 +45,14 @@ def estimate_from_contour(
     radius_mm
         Of the circle.
     method
-        A name of `circlepose.solvers.METHODS`.
+        A name of `circlepose.solvers.CIRCLE_METHODS`.
 
     Returns
     -------
-    As `circlepose.estimate` gives for a lone circle. What is wrong with a contour is a status: `too_few_points`,
-    `points_coincide`, `self_crossing`, `touches_border` (the camera must know its image size), `no_pose`.
+    As `circlepose.estimate` gives for a lone circle. Of a segment, a circle seen edge-on, `chen-huang` and
+    `chen-huang-contour` give two poses: one centre and opposite normals. What is wrong with a contour is a status:
+    `too_few_points`, `points_coincide`, `self_crossing`, `touches_border` (the camera must know its image size),
+    `no_pose`.
 
     Raises
     ------
@@ -56,15 +62,17 @@ def estimate_from_contour(
     points = _points(contour)
     arguments.instance_of(Camera, "camera", camera, arguments.HOW_CAMERA)
     radius_mm = arguments.length_mm("radius_mm", radius_mm, "a positive radius in mm (not a diameter)")
-    arguments.one_of(METHODS, "method", method)
+    arguments.one_of(CIRCLE_METHODS, "method", method)
+    failed = CircleResult(0, "disc", method, radius_mm, contour=points)
     status = _what_is_wrong(points, camera)
     if status is not None:
-        return CircleResult(0, "disc", method, radius_mm, status=status, reason=_REASON[status], contour=points)
-    fit = fit_cone(camera, points)
-    rim = None if fit is None else rim_from_fit(camera, fit, points)
-    if rim is None:
-        reason = "no ellipse fits the contour: its points lie on a line or outside the lens model"
-        return CircleResult(0, "disc", method, radius_mm, status=Status.NO_POSE, reason=reason, contour=points)
+        return replace(failed, status=status, reason=_REASON[status])
+    rim = _rim(points, camera)
+    if isinstance(rim, str):
+        return replace(failed, status=Status.NO_POSE, reason=rim)
+    # A segment comes back on itself, and rounding has it cross.
+    if float(rim.cone.factor[:, 1] @ rim.cone.factor[:, 1]) > 0.0 and _crosses_itself(points):
+        return replace(failed, status=Status.SELF_CROSSING, reason=_REASON[Status.SELF_CROSSING])
     return circle_results(rim, camera, (method,), radius_mm, 0, "disc")[0]
 
 
@@ -103,6 +111,22 @@ def _are_contours(value: object) -> TypeGuard[Sequence[object]]:
     )
 
 
+def _rim(points: FloatArray, camera: Camera) -> Rim | str:
+    """Return the rim that the contour is, a segment where it is as narrow as one, or why it is none."""
+    seen = SeenPoints.of(camera, points)
+    fit = fit_cone_to(seen)
+    rim = None if fit is None or is_flat(fit) else rim_from_fit(camera, fit, points)
+    flat = fit_flat_cone(seen)
+    is_wide = flat is None and rim is not None and float(rim.ellipse.semi_minor) > _SLIVER_PX
+    if rim is not None and (is_wide or has_length(rim)):
+        return rim
+    if flat is not None:
+        return segment_from_fit(camera, flat, points)
+    if rim is not None:
+        return "the contour is nearly a segment and its points do not settle how long it is"
+    return "no ellipse fits the contour, and it is no segment either; or it lies outside the lens model"
+
+
 _REASON = {
     Status.TOO_FEW_POINTS: f"an ellipse needs {MINIMUM_POINTS} points or more",
     Status.POINTS_COINCIDE: "all points of the contour are the same",
@@ -118,7 +142,7 @@ def _what_is_wrong(points: FloatArray, camera: Camera) -> Status | None:
         return Status.POINTS_COINCIDE
     if camera.image_size is not None and _on_border(points, camera.image_size) > _BORDER_SHARE:
         return Status.TOUCHES_BORDER
-    return Status.SELF_CROSSING if _crosses_itself(points) else None
+    return None
 
 
 def _on_border(points: FloatArray, image_size: tuple[int, int]) -> float:

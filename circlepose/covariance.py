@@ -3,7 +3,8 @@
 To first order a pose with errors x has a rim with mode amounts J x (`rim_modes.pose_derivatives`), so the amounts'
 covariance C gives J^-1 C J^-T. Both candidates of a circle have the same rim but each its own J, and so its own
 covariance. Seen along its axis a circle's tilt changes its rim to second order only: J is singular, and no
-covariance tells how the tilt is off. Pure NumPy.
+covariance tells how the tilt is off. Of a segment, a circle seen edge-on, it is the modes that have no meaning, while
+the pose still follows smoothly from the axes of its image: there these are taken. Pure NumPy.
 """
 
 from __future__ import annotations
@@ -11,12 +12,19 @@ from __future__ import annotations
 import numpy as np
 
 from circlepose._typing import BoolArray, FloatArray
-from circlepose.cone import principal_frame
+from circlepose.camera import Camera
+from circlepose.cone import plane_basis, principal_frame
+from circlepose.conic import Ellipse
+from circlepose.fitting.viewing_cone import factor_from_ellipse
 from circlepose.rim_modes import pose_derivatives
+from circlepose.solvers.chen_huang import poses_from_frame
 from circlepose.vectors import cross
 
 _FLATTEST = 1e-12
 """Relative determinant of a factor, below which the circle is seen edge-on and its modes have no meaning."""
+_STEP_PX = 0.01
+_SEGMENT_PX, _SURELY_WIDE_PX = 0.35, 1.0
+"""Standard deviation of a segment's semi-minor axis, at least and at most: a wider one is seen to be one."""
 _LEAST_SIGMAS = 2.0
 """The tilt from the cone's axis, where both candidates meet, in its own standard deviations."""
 
@@ -44,6 +52,59 @@ def pose_covariance(
     axis = principal_frame(factor).rotation[:, 2]
     covariance = pose_covariances(factor, axis, modes_covariance, center, normal, radius)
     return covariance if np.all(np.isfinite(covariance)) else None
+
+
+def segment_covariance(
+    camera: Camera, ellipse: Ellipse, covariance: FloatArray, center: FloatArray, normal: FloatArray, radius: float
+) -> FloatArray | None:
+    """Return the covariance (5, 5) of the pose of a circle that was taken to be seen edge-on, as `pose_covariance`.
+
+    Parameters
+    ----------
+    camera, ellipse, covariance
+        The ellipse measured in the raw image, so thin that it may be a segment, and the covariance (5, 5) of its
+        centre x, y, semi-major, semi-minor (px) and angle (rad).
+    center, normal
+        (3,) one of both poses of a circle of `radius` that has this segment; the centre in the unit of `radius`.
+
+    Returns
+    -------
+    None where the lens model does not reach, or first order does not hold.
+    """
+    theta = np.array([*ellipse.center, ellipse.semi_major, 0.0, ellipse.angle])
+    spread = covariance.copy()
+    # Width and contrast of a segment go together; what its levels do tell is how wide it is not.
+    wide = np.hypot(float(ellipse.semi_minor), min(float(np.sqrt(covariance[3, 3])), _SURELY_WIDE_PX))
+    spread[3, :], spread[:, 3] = 0.0, 0.0
+    spread[3, 3] = max(float(wide), _SEGMENT_PX) ** 2
+    basis = np.stack(plane_basis(normal))
+    slopes = np.empty((5, 5))
+    for i in range(5):
+        step = _STEP_PX / (float(ellipse.semi_major) if i == 4 else 1.0)
+        # No width is negative.
+        ends = [
+            _pose_of(camera, theta + end * (np.arange(5) == i), normal, radius) for end in (step, -step * (i != 3))
+        ]
+        if ends[0] is None or ends[1] is None:
+            return None
+        (center_1, normal_1), (center_0, normal_0) = ends[0], ends[1]
+        change = np.concatenate([center_1 - center_0, basis @ (normal_1 - normal_0)])
+        slopes[:, i] = change / (step if i == 3 else 2.0 * step)
+    told = np.asarray(slopes @ spread @ slopes.T)
+    axis = center / np.linalg.norm(center)
+    return told if np.all(np.isfinite(told)) and is_first_order(axis, normal, told) else None
+
+
+def _pose_of(
+    camera: Camera, theta: FloatArray, normal: FloatArray, radius: float
+) -> tuple[FloatArray, FloatArray] | None:
+    """Return the pose with the normal nearest to `normal` of a circle whose image has the parameters `theta` (5,)."""
+    factor = factor_from_ellipse(camera, Ellipse(theta[:2], theta[2], theta[3], theta[4]))
+    if factor is None:
+        return None
+    centers, normals = poses_from_frame(principal_frame(factor), radius)
+    nearest = int(np.argmax(normals @ normal))
+    return centers[nearest], normals[nearest]
 
 
 def pose_covariances(

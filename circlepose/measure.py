@@ -59,6 +59,8 @@ _SHARP_PX = 5.0
 """Semi-major axis, axis ratio and radius of curvature of long ellipses with tips where edges are biased."""
 _WORST_MAJOR = 0.005
 """Standard deviation of the semi-major axis, as a share of it: with its tips hidden a sliver may be of any length."""
+_WORST_LENGTH = 0.02
+"""The same of a sliver that is seen whole: its distance is no better known."""
 _EDGE_ERROR_PX = 0.05
 _WORST_SPAN = 0.0005
 """The same, from edges with this error each, none of which is biased in common with its neighbours."""
@@ -89,6 +91,8 @@ class Rim:
     """the levels were tried, and tell nothing better than the edges"""
     score: float | None = None
     """of the contour that it was found as; None where it was looked for at a known place"""
+    ellipse_covariance: FloatArray | None = None
+    """(5, 5) of a sliver's ellipse, see `ThinEllipse`: it was measured from its levels, of which edges know less"""
 
 
 def fit_rims(
@@ -127,7 +131,7 @@ def fit_rim(
     if rim is None or not refine or (start is not None and fit.rms_px < _FINEST_RMS_PX):
         return rim
     rim = with_edges_placed(levels, camera, rim)
-    return None if rim is not None and has_sharp_tips and not _spans(rim) else rim
+    return None if rim is not None and (is_sliver or has_sharp_tips) and not _spans(rim) else rim
 
 
 def _rims_to_start_at(camera: Camera, contours: Sequence[Contour]) -> list[Rim]:
@@ -208,7 +212,7 @@ def _thin_rim(levels: Image, camera: Camera, contour: Contour) -> Rim | None:
     fitted = fit_thin_ellipse(levels, contour.ellipse, seen=contour.points)
     if fitted is None or fitted.rms_levels > _WORST_RMS * fitted.peak_levels:
         return None
-    if fitted.rim_used < _FULL_RIM and not _is_settled(fitted):
+    if not _has_settled_length(fitted) or (fitted.rim_used < _FULL_RIM and not _is_settled(fitted)):
         return None
     points = fitted.ellipse.points(_THIN_PLACES)
     factor = factor_from_ellipse(camera, fitted.ellipse)
@@ -224,7 +228,13 @@ def _thin_rim(levels: Image, camera: Camera, contour: Contour) -> Rim | None:
         -1 if fitted.contrast > 0.0 else 1,
         axis_error_px=float(np.sqrt(fitted.covariance[3, 3])),
         modes_covariance=_modes_covariance(camera, fitted, factor),
+        ellipse_covariance=fitted.covariance,
     )
+
+
+def _has_settled_length(fitted: ThinEllipse) -> bool:
+    """Tell whether the levels of a sliver settle how long it is, and with it how far away."""
+    return float(np.sqrt(fitted.covariance[2, 2])) < _WORST_LENGTH * float(fitted.ellipse.semi_major)
 
 
 def _is_settled(fitted: ThinEllipse) -> bool:
@@ -287,6 +297,20 @@ def rim_from_fit(
     if not found[0]:
         return None
     return Rim(fit, points, ellipses[0], rim_used, polarity, _axis_error_px(fit, len(points)))
+
+
+def segment_from_fit(camera: Camera, fit: ConeFit, points: FloatArray) -> Rim:
+    """Return the rim of a flat cone fitted to `points` (n, 2): a segment, straight between its ends in the image."""
+    ends = camera.project(fit.factor[:, 2] + np.array([[-1.0], [1.0]]) * fit.factor[:, 0])
+    half = (ends[1] - ends[0]) / 2.0
+    ellipse = Ellipse.from_axes(ends.mean(axis=0), [np.hypot(*half), 0.0], np.arctan2(half[1], half[0]))
+    return Rim(fit, points, ellipse, 1.0, 1, _axis_error_px(fit, len(points)))
+
+
+def has_length(rim: Rim) -> bool:
+    """Tell whether the points of a rim, by their scatter about it, settle its semi-major axis."""
+    error = float(axis_errors(rim.ellipse, rim.points, max(rim.cone.rms_px, _LEAST_NOISE_PX))[0])
+    return error < _WORST_LENGTH * float(rim.ellipse.semi_major)
 
 
 def _axis_error_px(fit: ConeFit, number: int) -> float:

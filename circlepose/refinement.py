@@ -49,7 +49,8 @@ def refined(grey: Image, camera: Camera, rims: Sequence[Rim]) -> list[Rim]:
     grey = as_fitted(grey, [rim.ellipse for rim in rims])
     limits = level_limits(grey)
     done = list(rims)
-    open_ = [i for i, rim in enumerate(rims) if rim.modes_covariance is None or _has_two_sides(rim)]
+    unfitted = [rim.modes_covariance is None and rim.ellipse_covariance is None for rim in rims]
+    open_ = [i for i, rim in enumerate(rims) if unfitted[i] or _has_two_sides(rim)]
     many = len(open_) >= _MANY
     reach = np.full(len(rims), REACH_PX)
     blur = start_blur(len(rims))

@@ -10,7 +10,7 @@ import numpy as np
 from circlepose._typing import FloatArray
 from circlepose.camera import Camera
 from circlepose.cone import ConeKind, PrincipalFrame, principal_frame
-from circlepose.covariance import pose_covariances
+from circlepose.covariance import pose_covariances, segment_covariance
 from circlepose.measure import Rim
 from circlepose.pose import Candidate, CircleResult, Flag, Status
 from circlepose.rim_modes import MODES
@@ -72,7 +72,7 @@ def results_of_rims(
     factors = _settled_factors(rims, frames)
     settled = frames if np.array_equal(factors, measured) else principal_frame(factors)
     known = chen_huang or solve_chen_huang(settled, radius_mm)
-    covariances = _covariances(rims, frames, factors, known, radius_mm)
+    covariances = _covariances(rims, camera, frames, factors, known, radius_mm)
     imaged = camera.project(np.concatenate([solutions.centers for solutions in known]))
     starts = np.cumsum([0, *(len(solutions.centers) for solutions in known)])
     results = []
@@ -143,6 +143,7 @@ def _settled_factors(rims: Sequence[Rim], frames: PrincipalFrame) -> FloatArray:
 
 def _covariances(
     rims: Sequence[Rim],
+    camera: Camera,
     frames: PrincipalFrame,
     factors: FloatArray,
     known: Sequence[Solutions],
@@ -158,7 +159,19 @@ def _covariances(
             modes[k] = rim.modes_covariance
     axes = frames.rotation[..., 2]
     told = pose_covariances(factors[owner], axes[owner], modes[owner], centers, normals, radius_mm)
-    return [each if np.isfinite(each[0, 0]) else None for each in told]
+    return [
+        each if np.isfinite(each[0, 0]) else _of_segment(rims[i], camera, factors[i], center, normal, radius_mm)
+        for each, i, center, normal in zip(told, owner.tolist(), centers, normals, strict=True)
+    ]
+
+
+def _of_segment(
+    rim: Rim, camera: Camera, settled: FloatArray, center: FloatArray, normal: FloatArray, radius_mm: float
+) -> FloatArray | None:
+    """Return the covariance of a pose whose rim was settled to be seen edge-on and measured from its levels."""
+    if rim.ellipse_covariance is None or not principal_frame(settled).is_degenerate:
+        return None
+    return segment_covariance(camera, rim.ellipse, rim.ellipse_covariance, center, normal, radius_mm)
 
 
 def _candidates(

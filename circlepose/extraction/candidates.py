@@ -66,11 +66,14 @@ def rough_ellipses(
     rejected: Counter[Rejection],
     extraction: str = EXTRACTIONS[0],
     tiles: BoolArray | None = None,
+    *,
+    lines: bool = False,
 ) -> Ellipse:
     """Return the ellipses (batch, full-size px) that edge chains of `image`, reduced by `scale`, suggest.
 
     With `tiles`, see `unexplained`, edges are looked for only there. Chains along the rims `known` (batch, full-size
-    px) suggest nothing new. Chains passed over are counted in `rejected`.
+    px) suggest nothing new. Chains passed over are counted in `rejected`. With `lines` also straight ones
+    count, which may be a side of a circle seen edge-on.
     """
     is_coincidence = extraction == "coincidence"
     chains = border_chains(image, _SHORTEST) if is_coincidence else edge_chains(image, _SHORTEST, tiles)
@@ -86,10 +89,10 @@ def rough_ellipses(
     whole = large & (extents <= longest)
     closed, is_closed, is_settled = _closed(chains, whole)
     rest = np.flatnonzero(large & ~is_closed)
-    opened, clean, fits = _opened(chains, rest, whole[rest], 0.0 if intervals.major_px else _LEAST_RATIO)
+    opened, clean, fits = _opened(chains, rest, whole[rest], 0.0 if lines else _LEAST_RATIO)
     is_settled[rest[clean]] = True
     # A chain that strays, or is too long, has merged with something, or is none; its arcs may still be of a rim.
-    pieces = _pieces(chains, np.flatnonzero(large & ~is_settled), on_known, lines=intervals.major_px is not None)
+    pieces = _pieces(chains, np.flatnonzero(large & ~is_settled), on_known, lines=lines)
     # It takes as much memory as the image.
     del on_known
     from_arcs = _from_arcs(pieces, longest)

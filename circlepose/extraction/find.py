@@ -61,6 +61,8 @@ _MOST_PARTIAL = 6
 """Candidates of one image so looked at, the most evident first."""
 _SEEN_PX = 20.0
 """A circle as large in a reduced image is found there."""
+_LINE_RATIO = 0.25
+"""Axis ratio of a rough ellipse that may be of a sliver; short ones are rough ones."""
 _SLIVER_LEVELS = 2
 """Full and half size: the two sides of a sliver are one in smaller images."""
 
@@ -78,8 +80,8 @@ def find_contours(
     `keep_concentric` also returns contours inside others of the same centre (rings). With `enough` the search ends
     when as many have more evidence than any smaller circle could have. Slivers, circles seen
     nearly edge-on, are looked for when the minor axis may be that small by its own interval, or when there are
-    fewer than `enough` contours otherwise; in both cases only where a length to expect is given, as every thin
-    line would be one.
+    fewer than `enough` contours otherwise (of all, none). Where no length to expect is given, only those are taken
+    whose width falls off towards the tips as an ellipse's does, as every thin line would be one.
     """
     levels = grey if grey.dtype == np.uint8 and not has_low_range(grey) else grey.astype(np.float32)
     range_ = float(np.ptp(levels[::8]))
@@ -104,9 +106,9 @@ def find_contours(
             tiles = unexplained_tiles(images[1], known, 2.0)
             if not tiles.any():
                 break
-        rough = rough_ellipses(images[level], scale, intervals, known, rejected, extraction, tiles)
-        # Only where there is a length to expect: every thin line would be a circle seen edge-on.
-        if intervals.major_px is not None:
+        has_length = intervals.major_px is not None
+        rough = rough_ellipses(images[level], scale, intervals, known, rejected, extraction, tiles, lines=has_length)
+        if has_length:
             are_lines = are_thin(rough)
             if level < _SLIVER_LEVELS:
                 thin.append(rough[are_lines])
@@ -126,8 +128,11 @@ def find_contours(
             kept, reasons = select(found)
         rejected.update(reasons.values())
     contours = [found.contour(i) for i in kept] if found is not None else []
-    if thin and (slivers_wanted or (enough is not None and len(contours) < enough)):
-        lines = without_repeats(joined(thin[::-1]), 1.0)
+    least = int(not keep_concentric) if enough is None else enough
+    if slivers_wanted or len(contours) < least:
+        if intervals.major_px is None:
+            thin = _lines(images, intervals, _NONE if found is None else found.ellipse[kept], extraction)
+        lines = without_repeats(joined(thin[::-1]), 1.0) if thin else _NONE
         slivers = find_slivers(levels, lines, intervals, polarity, rejected)
         contours = [*slivers, *(c for c in contours if not any(same(c.ellipse, s.ellipse) for s in slivers))]
     refused = _NONE if found is None else found.ellipse[list(reasons)]
@@ -138,6 +143,15 @@ def find_contours(
         refused_why=tuple(reasons.values()),
         is_complete=level == 0,
     )
+
+
+def _lines(images: list[Image], intervals: AxisIntervals, known: Ellipse, extraction: str) -> list[Ellipse]:
+    """Return what in `images`, from full size on, may be part of a circle seen edge-on, beside the rims `known`."""
+    thin = []
+    for level in reversed(range(min(_SLIVER_LEVELS, len(images)))):
+        rough = rough_ellipses(images[level], 2.0**level, intervals, known, Counter(), extraction, lines=True)
+        thin.append(rough[rough.semi_minor < np.minimum(THIN_PX, _LINE_RATIO * rough.semi_major)])
+    return thin
 
 
 def _settled(found: Candidates, reasons: dict[int, Rejection]) -> BoolArray:

@@ -41,6 +41,13 @@ _MOST_CLUTTER = 0.5
 _LENGTH_SLACK = 1.3
 _EXTENSIONS = 4
 _TIP_SLACK = 1.06
+_TAPER = 0.5
+"""`ThinEllipse.taper` of an ellipse."""
+_TAPER_SLACK, _TAPER_SIGMAS, _WORST_TAPER = 0.08, 2.0, 0.07
+"""A bar, or what two arcs bound, is at least 0.25 from it; sigma beyond which that would not be noticed."""
+_LEAST_WHOLE, _WORST_TAPER_OF_PART = 0.85, 0.025
+"""Share of the rim in use, and what is asked of less: leaving out stretches makes an ellipse of other things too."""
+_MOST_STRUCTURE = 1.6
 
 
 def find_slivers(
@@ -52,13 +59,38 @@ def find_slivers(
         if any(_lies_on(rough[i], other.ellipse) for other in found):
             rejected[Rejection.DUPLICATE] += 1
             continue
-        contour = _from_both_sides(levels, rough[i]) or _from_levels(_fit_whole(levels, rough[i], intervals))
+        contour = _sliver(levels, rough[i], intervals)
         reason = contour if isinstance(contour, Rejection) else _why_not(contour, intervals, polarity)
         if reason is None and isinstance(contour, Contour):
             found.append(contour)
         elif reason is not None:
             rejected[reason] += 1
     return sorted(found, key=lambda contour: -contour.evidence)
+
+
+def _sliver(levels: Image, rough: Ellipse, intervals: AxisIntervals) -> Contour | Rejection:
+    """Return the contour of the sliver that `rough` stands for, or why there is none.
+
+    Where no length is expected its taper has to show that it is no other thin thing.
+    """
+    contour = _from_both_sides(levels, rough)
+    if contour is not None and intervals.major_px is not None:
+        return contour
+    if contour is not None:
+        own = fit_thin_ellipse(levels, contour.ellipse, seen=contour.points)
+        return contour if own is not None and _tapers(own) else Rejection.NOT_ELLIPTICAL
+    fitted = _fit_whole(levels, rough, intervals)
+    if intervals.major_px is None and isinstance(fitted, ThinEllipse) and not _tapers(fitted):
+        return Rejection.NOT_ELLIPTICAL
+    return _from_levels(fitted)
+
+
+def _tapers(fitted: ThinEllipse) -> bool:
+    """Tell whether a sliver surely gets thinner towards its tips as an ellipse does."""
+    sigma = fitted.taper_sigma * max(fitted.structure, 1.0)
+    worst = _WORST_TAPER if fitted.rim_used >= _LEAST_WHOLE else _WORST_TAPER_OF_PART
+    off = abs(fitted.taper - _TAPER)
+    return fitted.structure <= _MOST_STRUCTURE and sigma <= worst and off <= _TAPER_SLACK + _TAPER_SIGMAS * sigma
 
 
 def _from_both_sides(levels: Image, rough: Ellipse) -> Contour | None:

@@ -35,6 +35,7 @@ _STEEP_PX = 5.0
 """The level outside changes little over so many px; what changes more is something else."""
 _GROWTH = 3.0
 """Longest semi-major axis, in units of the start's, before the fit has lost its object."""
+_LEAST_SQUARE = 1e-12
 QUANTIZATION = 1.0 / 12.0
 """Variance of rounding to whole levels: the noise of an image without noise."""
 
@@ -64,6 +65,8 @@ class State:
     """0 where a pixel is not fitted; the last three keep the gradients of the levels small"""
     misfit: FloatArray
     """of all pixels"""
+    taper_slope: FloatArray
+    """as a column of the jacobian, of the exponent p with which the width falls off as (1 - (x/a)^2)^p: 1/2 here"""
     contrast: float
     highest_share: float
     variance: float
@@ -107,6 +110,22 @@ def _prior_mean(theta: FloatArray) -> FloatArray:
 def prior_information(variance: float) -> FloatArray:
     """Return the information (6, 6), times `variance` of the levels, that is had before any image is seen."""
     return np.diag([0.0, 0.0, 0.0, 0.0, 0.0, variance / _SIGMA_PRIOR_PX**2])
+
+
+def taper(state: State) -> tuple[float, float]:
+    """Return the exponent p with which the width falls off as (1 - (x/a)^2)^p, and its standard deviation.
+
+    To first order from the ellipse's 1/2, all else fitted as well: about 0 for a bar, 1 between two arcs.
+    """
+    prior = prior_information(state.variance)
+    information = state.jacobian.T @ state.jacobian + prior
+    shared = state.jacobian.T @ state.taper_slope
+    # What the other parameters would make up for is no information.
+    own = state.taper_slope - state.jacobian @ np.linalg.pinv(information, hermitian=True) @ shared
+    square = float(own @ state.taper_slope)
+    if square <= 0.0:
+        return 0.5, np.inf
+    return 0.5 - float(own @ state.residual) / square, float(np.sqrt(state.variance / square))
 
 
 def pixels_around(grey: Image, theta: FloatArray, stretch: float) -> tuple[FloatArray, FloatArray, FloatArray] | None:
@@ -161,7 +180,8 @@ def evaluate(theta: FloatArray, problem: Problem) -> State:
     return State(
         theta=theta,
         cost=float(residual @ residual) + prior,
-        jacobian=slopes,
+        jacobian=slopes[:, :-1],
+        taper_slope=slopes[:, -1],
         residual=residual,
         misfit=misfit,
         contrast=contrast,
@@ -172,7 +192,7 @@ def evaluate(theta: FloatArray, problem: Problem) -> State:
 
 
 def _share(theta: FloatArray, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the share c (n,) and its derivatives to centre x, y, a, b, angle, sigma (n, 6)."""
+    """Return the share c (n,) and its derivatives to centre x, y, a, b, angle, sigma and the taper (n, 7)."""
     a, b, angle, sigma = theta[2:]
     cos, sin = np.cos(angle), np.sin(angle)
     offset = points - theta[:2]
@@ -195,7 +215,9 @@ def _share(theta: FloatArray, points: FloatArray) -> tuple[FloatArray, FloatArra
     by_x = np.sum(-gap / sigma * mass * between, axis=1)
     by_y = np.sum(mass * (upper_pdf - lower_pdf), axis=1) / sigma
     by_a = np.sum(density * between * (1.0 + a * along * gap / sigma), axis=1)
-    by_b = np.sum(mass * (upper_pdf + lower_pdf) * np.cos(u), axis=1) / sigma
+    by_width = mass * (upper_pdf + lower_pdf) * np.cos(u) / sigma
+    by_b = np.sum(by_width, axis=1)
+    by_taper = b * np.sum(by_width * np.log(np.maximum(np.cos(u) ** 2, _LEAST_SQUARE)), axis=1)
     # The heat equation: dc/dsigma = sigma (c_xx + c_yy).
     by_xx = np.sum((gap**2 - 1.0) / sigma**2 * mass * between, axis=1)
     by_yy = np.sum(mass * (lower * lower_pdf - upper * upper_pdf), axis=1) / sigma**2
@@ -207,6 +229,7 @@ def _share(theta: FloatArray, points: FloatArray) -> tuple[FloatArray, FloatArra
             by_b,
             by_x * y - by_y * x,
             sigma * (by_xx + by_yy),
+            by_taper,
         ],
         axis=-1,
     )

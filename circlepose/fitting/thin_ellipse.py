@@ -20,6 +20,7 @@ from circlepose.fitting.blurred_ellipse import (
     levenberg_marquardt,
     pixels_around,
     prior_information,
+    taper,
 )
 from circlepose.fitting.stretches import (
     STRETCHES,
@@ -67,6 +68,9 @@ class ThinEllipse:
     """rms residual over that which neighbouring pixels do not share: about 1 where noise is all that is left"""
     kept: BoolArray
     """(s,) the stretches of its rim that are not covered or touched by something else"""
+    taper: float
+    """exponent p with which its width falls off towards the tips, (1 - (x/a)^2)^p: 1/2 of an ellipse, 0 of a bar"""
+    taper_sigma: float
     covariance: FloatArray
     """(5, 5) of centre x, y, semi-major, semi-minor (px) and angle (rad), with the blur unknown"""
 
@@ -141,6 +145,7 @@ def _fit(
     # An angle brought back by half a turn has the stretches the other way round.
     turned = abs(float(ellipse.angle) - theta[4]) > 1.0
     information = state.jacobian.T @ state.jacobian / state.variance + prior_information(1.0)
+    exponent, exponent_sigma = taper(state)
     return ThinEllipse(
         ellipse=ellipse,
         sigma_px=float(theta[5]),
@@ -149,6 +154,8 @@ def _fit(
         rms_levels=state.rms,
         structure=structure(state, problem, kept),
         kept=kept[::-1] if turned else kept,
+        taper=exponent,
+        taper_sigma=exponent_sigma,
         covariance=np.asarray(np.linalg.pinv(information)[:5, :5], dtype=np.float64),
     )
 

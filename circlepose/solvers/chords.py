@@ -5,10 +5,12 @@ b and c are where the contour crosses the plane that bisects that angle, at a ri
 q. What lies elsewhere on the contour has no say: an outlier there does no harm.
 
 The extreme of many noisy points is biased outwards, and a contour of pixels knows its points to half a pixel.
-So each of the four is read off a low polynomial through the contour near it. And where one of the four lies on the
-outlier itself, the pose is wrong, however good the rest: the rim that the four give is held against the whole
-contour. If less than half of it lies there, the outlier is moved onto the ellipse that most of the contour agrees
-on and the four are found again.
+So each of the four is read off a low polynomial through the contour near it, and then again off what is left between
+the contour and the rim that they give (`chord_refinement`): exact on an exact contour of 16 points or more.
+
+Where one of the four lies on the outlier itself, the pose is wrong, however good the rest: the rim that the four
+give is held against the whole contour. If less than half of it lies there, the outlier is moved onto the ellipse
+that most of the contour agrees on and the four are found again.
 """
 
 from __future__ import annotations
@@ -22,6 +24,7 @@ from circlepose.cone import PrincipalFrame, plane_basis
 from circlepose.conic import Ellipse, signed_distance
 from circlepose.fitting.consensus import local_scatter, on_one_ellipse
 from circlepose.fitting.direct import fit_ellipse
+from circlepose.solvers.chord_refinement import refined_frame
 from circlepose.vectors import cross
 
 _WINDOW_SHARE = 0.1
@@ -30,6 +33,10 @@ _DEGREE = 3
 _WINDOW_LEAST = 2
 _GAP = 6.0
 """Gaps in the contour this many times the usual spacing are hidden arcs, not sampling."""
+_FLATTEST = 1e-9
+"""Width of a contour, as a share of its length, that is rounding."""
+_THIN, _CORNER = 0.02, 0.005
+"""Axis ratio of a contour that may be a segment, and how far its ends then stand beyond p and q, as a share."""
 _ROUNDS = 3
 _SUPPORT = 0.55
 _LEAST_SUPPORT = 0.45
@@ -102,6 +109,11 @@ def _find(rays: FloatArray, sub_pixel: bool) -> Chords | str:
     if float(np.linalg.norm(cross(p, q))) == 0.0:
         return "all points of the contour are the same"
     turn = _frame(p, q)
+    x, y = _plane(rays, turn).T
+    if float(np.ptp(y)) <= _FLATTEST * float(np.ptp(x)):
+        # Edge-on the contour turns back at p and q, where no polynomial follows it; b and c are one.
+        s = float(np.tan(_angle_between(p, q) / 2.0))
+        return Chords(p, q, turn[2], turn[2], PrincipalFrame(turn.T, np.asarray(s), np.asarray(0.0)), 1.0)
     if sub_pixel:
         for _ in range(_ROUNDS):
             local = _plane(rays, turn)
@@ -114,9 +126,25 @@ def _find(rays: FloatArray, sub_pixel: bool) -> Chords | str:
     b, c = _ray(turn, 0.0, ends[0]), _ray(turn, 0.0, ends[1])
     s = float(np.tan(_angle_between(p, q) / 2.0))
     t = float(np.tan(_angle_between(b, c) / 2.0))
+    if sub_pixel and t < _THIN * s and float(np.ptp(local[:, 0])) > 2.0 * s * (1.0 + _CORNER):
+        # A segment with some noise across it: its ends are corners, which polynomials cut off.
+        return _find(rays, sub_pixel=False)
     # The chords bisect each other's angle; the print has v_b' = v_c', which noise leaves to their mean.
     frame = PrincipalFrame(turn.T, np.asarray(s), np.asarray(min(t, s)))
-    return Chords(p, q, b, c, frame, float(np.mean(_near_rim(rays, frame))))
+    slack = 0.0 if sub_pixel else np.pi / len(rays)
+    support = float(np.mean(_near_rim(rays, frame, slack)))
+    refined = refined_frame(rays, frame, _half_window(len(rays))) if sub_pixel and support >= _SUPPORT else None
+    if refined is not None:
+        better = float(np.mean(_near_rim(rays, refined)))
+        if better >= support:
+            return Chords(*_ends(refined), refined, better)
+    return Chords(p, q, b, c, frame, support)
+
+
+def _ends(frame: PrincipalFrame) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return the rays p, q, b and c of a frame."""
+    s, t, turn = float(frame.tan_half_major), float(frame.tan_half_minor), frame.rotation.T
+    return _ray(turn, s, 0.0), _ray(turn, -s, 0.0), _ray(turn, 0.0, t), _ray(turn, 0.0, -t)
 
 
 def _frame(p: FloatArray, q: FloatArray) -> FloatArray:
@@ -189,14 +217,17 @@ def _half_window(number: int) -> int:
     return max(_WINDOW_LEAST, round(_WINDOW_SHARE * number / 2.0))
 
 
-def _near_rim(rays: FloatArray, frame: PrincipalFrame) -> BoolArray:
-    """Tell which rays (n,) lie on the rim (x/s)^2 + (y/t)^2 = z^2 of the frame."""
+def _near_rim(rays: FloatArray, frame: PrincipalFrame, slack: float = 0.0) -> BoolArray:
+    """Tell which rays (n,) lie on the rim (x/s)^2 + (y/t)^2 = z^2 of the frame.
+
+    With p and q off their places along the rim by up to `slack` rad of it, as contour points are.
+    """
     s, t = float(frame.tan_half_major), float(frame.tan_half_minor)
     rim = Ellipse.from_axes([0.0, 0.0], [s, t], 0.0)
     distance = signed_distance(rim, _plane(rays, frame.rotation.T))
     second = distance - (np.roll(distance, 1) + np.roll(distance, -1)) / 2.0
     noise = 1.4826 * float(np.median(np.abs(second))) / np.sqrt(1.5)
-    return np.asarray(np.abs(distance) <= max(_NEAR_SHARE * t, _NEAR_LENGTH * s, _NEAR_NOISE * noise))
+    return np.asarray(np.abs(distance) <= max((_NEAR_SHARE + slack) * t, _NEAR_LENGTH * s, _NEAR_NOISE * noise))
 
 
 def _widest_pair(rays: FloatArray) -> tuple[int, int]:

@@ -16,8 +16,8 @@ from __future__ import annotations
 import numpy as np
 
 from circlepose._typing import FloatArray
-from circlepose.cone import dual_cone, plane_basis
-from circlepose.conic import Ellipse, dual, ellipse_from_conic, is_ellipse
+from circlepose.cone import plane_basis, principal_frame
+from circlepose.conic import Ellipse
 
 
 def poses_from_factor(factor: FloatArray, radius: float) -> tuple[FloatArray, FloatArray] | None:
@@ -25,14 +25,16 @@ def poses_from_factor(factor: FloatArray, radius: float) -> tuple[FloatArray, Fl
 
     None when the image has no area (edge-on view): the axis ratio is then no measure of the tilt.
     """
+    if bool(principal_frame(factor).is_degenerate):
+        return None
     axis = factor[:, 2] / np.linalg.norm(factor[:, 2])
     for _ in range(20):
         e1, e2 = plane_basis(axis)
         turn = np.stack([e1, e2, axis])
-        conic = dual(turn @ dual_cone(factor) @ turn.T)
-        if not is_ellipse(conic):
+        sections, found = Ellipse.from_factor((turn @ factor)[None])
+        if not found[0]:
             return None
-        ellipse = ellipse_from_conic(conic)
+        ellipse = sections[0]
         offset = ellipse.center
         axis = turn.T @ np.array([offset[0], offset[1], 1.0])
         axis = axis / np.linalg.norm(axis)

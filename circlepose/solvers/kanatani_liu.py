@@ -17,6 +17,9 @@ from circlepose._typing import FloatArray
 from circlepose.cone import principal_frame
 from circlepose.errors import ArgumentError
 
+_LEAST_SHARE = 1e3 * float(np.finfo(np.float64).eps)
+"""Least eigenvalue, as a share of the largest, of which three digits are left."""
+
 
 def poses_from_cone(cone: FloatArray, radius: FloatArray | float) -> tuple[FloatArray, FloatArray]:
     """Return both poses of a circle of `radius` (...) with the cone `Q` (..., 3, 3): centres, normals (..., 2, 3).
@@ -27,29 +30,47 @@ def poses_from_cone(cone: FloatArray, radius: FloatArray | float) -> tuple[Float
     Raises
     ------
     ArgumentError
-        When Q is singular: a degenerate viewing cone.
+        When Q is singular, or so nearly that rounding leaves less than three digits of an eigenvalue: edge-on view.
     """
     q = np.asarray(cone, dtype=np.float64)
-    determinant = np.linalg.det(q)
-    if np.any(determinant == 0.0) or not np.all(np.isfinite(determinant)):
-        raise ArgumentError("cone: is singular (edge-on view), the method needs an ellipse.")
-    q = -q / np.cbrt(determinant)[..., None, None]
+    if not np.all(np.isfinite(q)):
+        raise ArgumentError("cone: expected finite numbers.")
+    # A cone has the signature (+, +, -), so its determinant is negative, whatever sign it comes with.
+    q = q * np.where(np.linalg.det(q) > 0.0, -1.0, 1.0)[..., None, None]
     eigenvalues, vectors = np.linalg.eigh(q)
     l3, l1, l2 = (eigenvalues[..., i] for i in range(3))
+    if not np.all(np.minimum(l1, -l3) > _LEAST_SHARE * np.maximum(l2, -l3)):
+        raise ArgumentError("cone: is singular (edge-on view), the method needs an ellipse.")
+    return _poses(np.stack([l3, l1, l2], axis=-1), vectors, np.asarray(radius, dtype=np.float64))
+
+
+def poses_from_factor(factor: FloatArray, radius: float) -> tuple[FloatArray, FloatArray] | None:
+    """As `poses_from_cone` for the cone with `factor` (3, 3); None when it is degenerate.
+
+    The eigenvalues are those of the cone's own axes, 1/s^2, 1/t^2 and -1, to all digits however flat the cone is.
+    """
+    frame = principal_frame(factor)
+    if bool(frame.is_degenerate):
+        return None
+    s, t = float(frame.tan_half_major), float(frame.tan_half_minor)
+    return _poses(np.array([-1.0, s**-2, t**-2]), frame.rotation[:, [2, 0, 1]], np.asarray(radius, dtype=np.float64))
+
+
+def _poses(eigenvalues: FloatArray, vectors: FloatArray, radius: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return both poses from l3 < 0 < l1 <= l2 (..., 3), of any scale, and their unit eigenvectors in columns."""
+    scale = np.cbrt(-np.prod(eigenvalues, axis=-1))
+    l3, l1, l2 = (eigenvalues[..., i] / scale for i in range(3))
     u3, u2 = vectors[..., :, 0], vectors[..., :, 2]
     u3 = np.where(u3[..., 2:] < 0.0, -u3, u3)
     across = np.sqrt(np.maximum(l2 - l1, 0.0) / (l2 - l3))
     along = np.sqrt((l1 - l3) / (l2 - l3))
-    away = np.stack([sign * across[..., None] * u2 + along[..., None] * u3 for sign in (1.0, -1.0)], axis=-2)
-    distance = l1**1.5 * np.asarray(radius, dtype=np.float64)
-    centers = np.swapaxes(np.linalg.solve(q, np.swapaxes(away, -1, -2)), -1, -2)
-    centers = centers * (distance[..., None] / np.sum(centers * away, axis=-1))[..., None]
+    signs = np.array([1.0, -1.0])
+    away = signs[:, None] * (across[..., None] * u2)[..., None, :] + (along[..., None] * u3)[..., None, :]
+    # Q^-1 n, in the eigenvectors.
+    ray = (
+        signs[:, None] * (across / l2)[..., None, None] * u2[..., None, :]
+        + ((along / l3)[..., None] * u3)[..., None, :]
+    )
+    depth = across**2 / l2 + along**2 / l3
+    centers = ray * (l1**1.5 * radius / depth)[..., None, None]
     return centers, -away
-
-
-def poses_from_factor(factor: FloatArray, radius: float) -> tuple[FloatArray, FloatArray] | None:
-    """As `poses_from_cone` for the cone with `factor` (3, 3); None when it is degenerate."""
-    if bool(principal_frame(factor).is_degenerate):
-        return None
-    inverse = np.linalg.inv(factor)
-    return poses_from_cone(inverse.T @ (np.array([1.0, 1.0, -1.0])[:, None] * inverse), radius)
