@@ -25,6 +25,7 @@ from circlepose.target import Target
 from circlepose_cli.app import main
 from circlepose_cli.explain_report import report_record, report_text
 from discs import CAMERA, CENTER_MM, NORMAL, RADIUS_MM, disc_folder, disc_image, found_notes
+from drawn import drawn_by_opencv_5
 
 TARGET = Target.circle(RADIUS_MM)
 
@@ -106,6 +107,7 @@ def test_distances_are_those_from_the_rim_and_the_model_is_the_blurred_edge():
     assert levels.in_use.all()
 
 
+@drawn_by_opencv_5
 def test_a_disc_close_by_is_taken_off_and_not_left_out():
     first, second = (CENTER_MM + np.array([x, 0.0, 0.0]) for x in (-15.0, 18.6))
     image = disc_image(first).astype(int) + disc_image(second) - 200

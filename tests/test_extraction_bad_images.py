@@ -9,6 +9,7 @@ import pytest
 from circlepose.extraction import candidates, find, grouping
 from circlepose.extraction.find import find_contours
 from circlepose.target import AxisIntervals
+from drawn import drawn_by_opencv_5
 
 WIDTH, HEIGHT = 640, 480
 _Y, _X = np.mgrid[0:HEIGHT, 0:WIDTH]
@@ -59,12 +60,15 @@ IMAGES = {
 }
 
 
-@pytest.mark.parametrize("name", list(IMAGES))
+TEXT = pytest.param("text", marks=drawn_by_opencv_5)
+
+
+@pytest.mark.parametrize("name", [TEXT if name == "text" else name for name in IMAGES])
 def test_hardly_anything_is_reported(name):
     assert len(find_contours(IMAGES[name], AxisIntervals()).contours) <= 5
 
 
-@pytest.mark.parametrize("name", ["chessboard", "small chessboard", "text", "leaves"])
+@pytest.mark.parametrize("name", ["chessboard", "small chessboard", TEXT, "leaves"])
 def test_few_of_the_edges_are_looked_at_closely(name, monkeypatch):
     """Of all chains only so many are worth placing edges along, and of these few a second time."""
     looked_at: list[int] = []

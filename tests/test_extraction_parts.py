@@ -18,6 +18,7 @@ from circlepose.extraction.rim_fit import fit_offsets
 from circlepose.fitting.direct import fit_ellipse
 from circlepose.fitting.quick_fit import fit_each, fit_scatter, scatter_of
 from circlepose.fitting.rows import joined
+from drawn import drawn_by_opencv_5
 
 
 def random_ellipses(number: int, seed: int = 3) -> Ellipse:
@@ -191,6 +192,7 @@ def test_quick_profiles_find_the_same_edges():
         np.testing.assert_array_equal(quick.polarity, exact.polarity)
 
 
+@drawn_by_opencv_5
 def test_edges_that_are_followed_in_strips_are_the_same(monkeypatch):
     page = np.full((500, 400), 235, np.uint8)
     for line in range(18, 500, 18):
