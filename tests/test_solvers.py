@@ -90,7 +90,7 @@ def test_the_contour_route_is_exact(case, number):
         *chen_huang.poses_from_frame(chords.frame, case.radius), case.center, case.normal
     )
     # Rounding of the rays, 1e-16, in units of the apex angle; tilts near frontal take its root.
-    rounding = 1e-14 * distance / case.radius
+    rounding = 1e-13 * distance / case.radius
     tilt = 1e-9 + min(rounding / np.sin(np.radians(max(case.tilt_deg, 1e-9))), np.sqrt(rounding))
     assert angle <= tilt
     assert position <= 1e-9 + rounding + tilt * case.radius / distance
