@@ -1,4 +1,4 @@
-"""Damaged files of every format, and calls of the library with odd arguments: what came of them.
+"""Damaged files and journals, odd calls of the library and odd places of outputs: what came of them.
 
     python benchmarks/fuzz.py [--cases N] [--first NUMBER] [--format NAME] [--case NUMBER]
 
@@ -28,7 +28,7 @@ from mutations import generator
 Case = tuple[str, int]
 """name of the format and number"""
 
-SOURCES = ("fuzz_formats", "fuzz_arguments")
+SOURCES = ("fuzz_formats", "fuzz_arguments", "fuzz_outputs")
 """modules with formats"""
 HANG_S = 30.0
 _START_S = 60.0

@@ -6,10 +6,10 @@ A case that fails is named by format and number; `python benchmarks/fuzz.py --fo
 from __future__ import annotations
 
 import pytest
-from fuzz_arguments import formats as calls
 
 from circlepose.files.image_bytes import JPEG_2000_VARIABLE
 from fuzz import FAILURES, damaged, fuzz
+from fuzz_arguments import formats as calls
 from fuzz_formats import formats
 from mutations import generator
 
@@ -57,6 +57,10 @@ def test_damaged_texts(kind: str) -> None:
 
 def test_odd_calls_of_the_library() -> None:
     check(list(CALLS), 60, "fuzz_arguments", least_read=0.02)
+
+
+def test_damaged_journals_and_odd_places() -> None:
+    check(["journal, checksums mended", "place of an output"], 150, "fuzz_outputs")
 
 
 def check(names: list[str], cases: int, source: str = "fuzz_formats", least_read: float = 0.1) -> None:

@@ -10,7 +10,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from fuzz_arguments import check_message, unfuzzed
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -18,6 +17,7 @@ import circlepose
 from circlepose import Camera, CameraSigma, CircleposeError, DirectionHint, Target
 from circlepose.arguments import LENGTHS_MM, shown
 from circlepose.errors import ArgumentError, CalibrationError, TargetError
+from fuzz_arguments import check_message, unfuzzed
 
 MATRIX = [[60.0, 0.0, 31.5], [0.0, 60.0, 23.5], [0.0, 0.0, 1.0]]
 CAMERA = Camera.create(MATRIX, (), (64, 48))

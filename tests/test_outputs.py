@@ -352,3 +352,17 @@ def test_a_signal_at_any_instant_ends_without_a_traceback(folder, tmp_path, numb
         assert not out.exists() or out.read_text().count("\ndisc") == 4
         left = {path.name for path in tmp_path.iterdir()} - {"imgs", "t.csv", "t.csv.journal", "pictures"}
         assert left == set()
+
+
+def test_a_way_through_a_folder_that_is_not_there_leads_to_the_same_file(run, folder, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "notes.csv").write_text("precious\n")
+    for more in ([], ["--overwrite"]):
+        for output in ("gone/../notes.csv", "gone/../imgs/camera.yaml"):
+            before = contents(tmp_path)
+            code, _, _ = run("estimate", "imgs", "-o", output, "--format", "csv", *more)
+            if output.endswith("notes.csv") and more:
+                assert code == 0
+                continue
+            assert code == 2
+            assert contents(tmp_path) == before

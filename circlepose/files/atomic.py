@@ -43,8 +43,10 @@ def refuse_foreign(path: str | os.PathLike[str], *, overwrite: bool) -> None:
         return
     name = os.fspath(path)
     try:
-        status = os.stat(path)  # noqa: PTH116 - a path need not be a Path
-        is_foreign = stat.S_ISREG(status.st_mode) and status.st_size > 0 and not bears_mark(Path(path))
+        # Where it will be written: the system knows no `gone/../t.csv` without a folder `gone`, which realpath resolves.
+        place = Path(os.path.realpath(path))
+        status = place.stat()
+        is_foreign = stat.S_ISREG(status.st_mode) and status.st_size > 0 and not bears_mark(place)
     except FileNotFoundError:
         return
     except (OSError, ValueError) as reason:

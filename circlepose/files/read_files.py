@@ -38,7 +38,7 @@ class Outputs:
 
 def _identity(place: os.PathLike[str] | int) -> tuple[int, int] | None:
     try:
-        status = os.stat(place)  # noqa: PTH116 - a descriptor, too
+        status = os.stat(place if isinstance(place, int) else os.path.realpath(place))  # noqa: PTH116
     except (OSError, ValueError):
         return None
     # Devices and pipes, such as /dev/null, may well be read and written.
