@@ -43,7 +43,7 @@ def refuse_foreign(path: str | os.PathLike[str], *, overwrite: bool) -> None:
         return
     name = os.fspath(path)
     try:
-        # Where it will be written: the system knows no `gone/../t.csv` without a folder `gone`, which realpath resolves.
+        # Where it will be written: of `gone/../t.csv` the system finds nothing, and realpath does.
         place = Path(os.path.realpath(path))
         status = place.stat()
         is_foreign = stat.S_ISREG(status.st_mode) and status.st_size > 0 and not bears_mark(place)
