@@ -38,7 +38,8 @@ def size_mismatch(size: Size, calibrated: Size, *, scaled: bool = False) -> str 
         return None
     start = f"the image is {size[0]} x {size[1]} px, the calibration holds for {calibrated[0]} x {calibrated[1]}"
     if is_whole:
-        return f"{start}; use the right calibration, or set scale_calibration if the image was resized"
+        insist = "set scale_calibration if the whole image was resized, not cropped"
+        return f"{start}; use the right calibration, or {insist}"
     if is_resized(size, calibrated[::-1]):
         return f"{start}: it looks turned by 90 deg; use the image as the camera stored it, or calibrate turned ones"
     return (

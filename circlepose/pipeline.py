@@ -25,7 +25,7 @@ from circlepose.ring_doubts import contradiction
 from circlepose.rings import find_ring_targets
 from circlepose.second_rim import with_second_rims
 from circlepose.solutions import results_of_rims
-from circlepose.solvers import methods_for
+from circlepose.solvers import METHODS, methods_for
 from circlepose.solvers.solve import solve
 from circlepose.target import AxisIntervals, Target
 from circlepose.uncertainty import with_all_terms
@@ -86,6 +86,7 @@ def estimate(
     """
     arguments.instance_of(Camera, "camera", camera, arguments.HOW_CAMERA)
     arguments.instance_of(Target, "target", target, arguments.HOW_TARGET)
+    arguments.one_of(("all", *METHODS), "method", method)
     arguments.one_of(EXTRACTIONS, "extraction", extraction)
     refine = arguments.truth("refine", refine)
     scale_calibration = arguments.truth("scale_calibration", scale_calibration)

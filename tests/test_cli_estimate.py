@@ -264,7 +264,7 @@ def test_other_sizes_are_refused_unless_scaled(run, folder):
     code, out, err = run("estimate", folder)
     assert (code, rows_of(out)[0]["status"]) == (3, "size_mismatch")
     # The library names its parameter there.
-    assert "or give --scale-calib if the image was resized" in err
+    assert "or give --scale-calib if the whole image was resized, not cropped" in err
     assert "scale_calibration" not in err
     assert run("estimate", folder, "--scale-calib")[0] == 0
 

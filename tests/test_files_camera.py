@@ -418,7 +418,7 @@ def test_what_no_camera_has_is_refused_with_file_key_and_what_it_looks_like(
 ) -> None:
     file = read_camera_file(content)
     assert file.doubts[0].is_grave
-    with pytest.raises(CalibrationError, match=rf"^<bytes>: ({key}): .*{says}.*--force-calib\.$"):
+    with pytest.raises(CalibrationError, match=rf"^<bytes>: ({key}): .*{says}.*set force_calibration\.$"):
         file.refuse_grave()
 
 

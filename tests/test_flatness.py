@@ -156,7 +156,7 @@ def test_flatness_in_a_target_file():
     [
         ({"kind": "circle", "radius_mm": 50.0, "flatness_sigma_mm": 0.1}, "only a coplanar target"),
         ({"kind": "coplanar", "radii_mm": [50.0, 30.0], "flatness_sigma_mm": -0.1}, "0 or more"),
-        ({"kind": "coplanar", "radii_mm": [50.0, 30.0], "flatness_sigma_mm": 60.0}, "less than the largest radius"),
+        ({"kind": "coplanar", "radii_mm": [50.0, 30.0], "flatness_sigma_mm": 60.0}, "less than the radius"),
     ],
 )
 def test_a_flatness_that_cannot_be_is_refused(mapping, said):

@@ -16,6 +16,7 @@ from circlepose.errors import TargetError, UsageError
 from circlepose.files.source import MAX_BYTES, MAX_TABLE_BYTES, read_regular
 from circlepose.target import MAX_RADII, Target
 from discs import disc_folder, found_notes
+from processes import SETTLE
 
 COMMAND = [sys.executable, "-c", "import sys; from circlepose_cli.app import main; sys.exit(main())"]
 POSIX = pytest.mark.skipif(os.name != "posix", reason="pipes and devices of POSIX")
@@ -90,7 +91,11 @@ def test_what_never_ends_or_is_huge_is_refused_at_once(kind: str, folder: Path, 
             # Without a byte on the disk.
             handle.truncate(1 << 40)
     commands = reading(file, folder, table)
-    what = "is larger than 10" if kind == "huge" else "is a pipe or a device; expected a regular file."
+    what = {
+        "huge": "is larger than 10",
+        "pipe": "is a pipe to which nothing writes; expected a file.",
+        "device": "is a device; expected a regular file.",
+    }[kind]
     for option, (code, out, err) in zip(commands, run_each(commands.values()), strict=True):
         assert (option, code, out) == (option, 2, "")
         assert err.startswith(f"circlepose: {file}: {what}")
@@ -172,7 +177,7 @@ def test_jpeg_2000_needs_the_environment_which_workers_inherit(tmp_path: Path, o
     assert "disc.jp2,,,,,,not_allowed," in out
     assert "set the environment variable CIRCLEPOSE_JPEG2000=1" in err
     code, out, err = run("estimate", folder, *options, CIRCLEPOSE_JPEG2000="1")
-    assert (code, err) == (0, found_notes(folder) + "1 measured, 0 failed\n")
+    assert (code, err) == (0, f"{found_notes(folder)}1 measured, 0 failed, 1 ambiguous: {SETTLE}\n")
 
 
 def test_what_sets_the_scale_is_named_once_for_each_file(tmp_path: Path) -> None:
@@ -187,7 +192,7 @@ def test_what_sets_the_scale_is_named_once_for_each_file(tmp_path: Path) -> None
     ]
     assert run("estimate", first, "--quiet")[2] == ""
     named = run("estimate", first, "--calib", first / "camera.yaml", "--target", first / "target.yaml")[2]
-    assert named == "1 measured, 0 failed\n"
+    assert named == f"1 measured, 0 failed, 1 ambiguous: {SETTLE}\n"
     # A calibration that was named brings a target that was not.
     calibration = tmp_path / "cam.yaml"
     calibration.write_text((first / "camera.yaml").read_text() + "target: {radius_mm: 77}\n")

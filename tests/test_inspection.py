@@ -78,7 +78,7 @@ def test_the_command_prints_what_was_found_and_draws_it(project_root, tmp_path, 
     assert "4 found" in out
     assert "rejected:" in out
     assert "suggested: --major-px " in out
-    assert read_image(picture).ndim == 3
+    assert cv2.imread(str(picture)).ndim == 3
     assert main(["inspect", image, "--format", "json", "--major-px", "10:20"]) == 0
     record = json.loads(capsys.readouterr().out)
     assert record["found"] == []

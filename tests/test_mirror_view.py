@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 
 from cases import circle_case
 from circlepose.cone import factor_from_circle, principal_frame
-from circlepose.disambiguation.generatrix import axis_misalignment, generatrix_ends, pair_candidates
+from circlepose.disambiguation.generatrix import generatrix_ends, pair_candidates
 from circlepose.disambiguation.mirror_view import (
     equal_length_tilt,
     farthest_mirror_distance,
@@ -28,6 +28,13 @@ SHAPES = {
     "low boss, close": (3.0, 0.9, 0.6, 32.1),
 }
 """distance, small radius and height in big radii; the tilt (deg) at which both circles are seen under one angle"""
+
+
+def axis_misalignment(center_big, normal_big, center_small, normal_small):
+    """How far the small circle's center is off the axis that has the mean direction of both normals."""
+    axis = normal_big + normal_small
+    axis /= np.linalg.norm(axis, axis=-1, keepdims=True)
+    return np.linalg.norm(np.cross(center_small - center_big, axis), axis=-1)
 
 
 def pairs(distance, share, height, tilt_deg):

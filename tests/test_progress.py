@@ -15,7 +15,6 @@ from circlepose_cli.options import StdinChoice
 from circlepose_cli.pace import Pace, duration
 from circlepose_cli.progress import Reporter
 from discs import made_circle, made_result
-from processes import SETTLE
 
 
 class Clock:
@@ -107,7 +106,8 @@ def test_the_closing_lines_name_what_to_type_next(capsys):
     counted(Reporter(quiet=False, verbose=False))
     assert capsys.readouterr().err.splitlines() == [
         "11 more circles like these: --count all",
-        f"2 measured, 0 failed, 1 ambiguous: {SETTLE}",
+        "2 measured, 0 failed, 1 ambiguous: either pose may be the right one; give --count all --coplanar if the "
+        "circles lie in one plane, or --facing, --normal or --up, or a target of two circles",
     ]
 
 

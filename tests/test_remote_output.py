@@ -17,6 +17,8 @@ from discs import disc_folder, found_notes
 
 fsspec = pytest.importorskip("fsspec")
 
+BEFORE = b"image,instance,circle,method,solution,\n"
+
 
 @pytest.fixture(autouse=True)
 def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
@@ -43,7 +45,7 @@ def there(base: str) -> dict[str, bytes]:
     return {path.rsplit("/", 1)[-1]: files.cat_file(path) for path in files.find(base)}
 
 
-@pytest.mark.parametrize("name", ["poses.csv", "poses.jsonl", "poses.json", "poses"])
+@pytest.mark.parametrize("name", ["poses.csv", "poses.jsonl", "poses.json", "poses.tsv.gz"])
 def test_the_bytes_are_those_of_a_file(folder: Path, base: str, state: Path, tmp_path: Path, name: str) -> None:
     assert main(["estimate", str(folder), "-o", str(tmp_path / name)]) == 0
     assert main(["estimate", str(folder), "-o", f"{base}/{name}"]) == 0
@@ -88,7 +90,7 @@ def test_an_upload_that_fails_leaves_what_was_there_and_is_gone_on_with(
     folder: Path, base: str, state: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     files = fsspec.filesystem("memory")
-    files.pipe_file(f"{base}/out.csv", b"before")
+    files.pipe_file(f"{base}/out.csv", BEFORE)
 
     def refused(*_: object, **__: object) -> None:
         raise ConnectionError("user:secret@host went away s3://user:secret@host/x")
@@ -100,7 +102,7 @@ def test_an_upload_that_fails_leaves_what_was_there_and_is_gone_on_with(
     assert f"circlepose: {base}/out.csv: cannot be written (ConnectionError: " in err
     assert "; what is finished is kept, go on with --resume.\n" in err
     assert "s3://user:secret" not in err
-    assert there(base) == {"out.csv": b"before"}
+    assert there(base) == {"out.csv": BEFORE}
     assert [path.suffix for path in state.iterdir()] == [".journal"]
     monkeypatch.setattr(local, "measure_file", None)
     assert main(["estimate", str(folder), "-o", f"{base}/out.csv", "--resume"]) == 0
@@ -146,7 +148,7 @@ def test_where_names_come_before_contents_a_part_is_renamed(base: str, tmp_path:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(remote_output, "_WHOLE", set())
         place = RemoteFile(f"{base}/out.csv")
-        with remote_output.uploading_writer(place, remote_output.stand_in(place).with_suffix(".part")) as handle:
-            handle.write("text")
+        with remote_output.uploading_writer(place) as handle:
+            handle.write(b"text")
             assert not there(base)
     assert there(base) == {"out.csv": b"text"}

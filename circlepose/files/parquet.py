@@ -14,7 +14,7 @@ from circlepose.files.records import POSES_SCHEMA
 from circlepose.files.tables import COLUMNS, pose_rows
 from circlepose.pose import ImageResult
 
-_TEXTS = {"image", "circle", "method", "status", "cone", "flags"}
+_TEXTS = {"image", "circle", "method", "status", "cone", "flags", "settled_by"}
 _WHOLE_NUMBERS = {"instance", "solution"}
 _BATCH_ROWS = 10_000
 

@@ -49,7 +49,8 @@ def choose_format(
 def _usual_format(output: Place | None, *, to_terminal: bool) -> FormatChoice:
     if output is None:
         return FormatChoice.TABLE if to_terminal else FormatChoice.CSV
-    if not isinstance(output, RemoteFile) and not is_replaceable_file(output):
+    if not output.name or (not isinstance(output, RemoteFile) and not is_replaceable_file(output)):
+        # A device, a pipe, or a folder, which is refused when it is opened.
         return FormatChoice.CSV
     name = PurePath(output.name.removesuffix(".gz") if is_compressed(output) else output.name)
     form = _BY_SUFFIX.get(name.suffix.lower())

@@ -75,7 +75,7 @@ class Reporter:
         else:
             self.failures[status] += 1
             self.note(f"{result.image}: {reason or status}")
-        if result.remark:
+        if result.remark and status is Status.OK:
             self.note(f"{result.image}: {result.remark}")
         if result.rejected:
             counts = ", ".join(f"{reason} {number}" for reason, number in result.rejected.items())
@@ -127,16 +127,24 @@ class Reporter:
         if self._verbose:
             self.note(message)
 
-    def _how_to_settle(self) -> str:
+    def _how_to_settle(self, *, counted: bool, coplanar: bool) -> str:
         ways = ["--facing, --normal or --up", "a target of two circles"]
-        if self._with_several:
-            ways.insert(0, "--coplanar if the circles lie in one plane")
+        if not coplanar and (self._with_several or (self._not_measured and not counted)):
+            ways.insert(0, f"{'' if counted else '--count all '}--coplanar if the circles lie in one plane")
         return f"either pose may be the right one; give {', or '.join(ways)}"
 
-    def summary(self, total: int | None, *, interrupted: bool, resumable: bool, counted: bool = False) -> None:
+    def summary(
+        self,
+        total: int | None,
+        *,
+        interrupted: bool,
+        resumable: bool,
+        counted: bool = False,
+        coplanar: bool = False,
+    ) -> None:
         """Say what became of all images, and what to type next.
 
-        `counted` is whether the user said how many circles are to be measured.
+        `counted` is whether the user said how many circles to measure, `coplanar` whether they lie in one plane.
         """
         failed = self.failures.total()
         parts = [f"{self.measured} measured", f"{failed} failed ({self._kinds()})" if failed else "0 failed"]
@@ -144,7 +152,7 @@ class Reporter:
             rest = "the rest" if total is None else str(total - self.measured - failed)
             parts.append(f"interrupted: {rest} not done")
         if self._ambiguous:
-            parts.append(f"{self._ambiguous} ambiguous: {self._how_to_settle()}")
+            parts.append(f"{self._ambiguous} ambiguous: {self._how_to_settle(counted=counted, coplanar=coplanar)}")
         if self._not_measured and not counted:
             self.note(f"{self._not_measured} more circles like these: --count all")
         self.note(", ".join(parts))

@@ -145,6 +145,7 @@ def _run(request: Request, held: ExitStack) -> int:
         interrupted=interruption.received,
         resumable=journal is not None and not is_done,
         counted=request.overrides.count is not None,
+        coplanar=bool(request.overrides.coplanar),
     )
     if interruption.received:
         return INTERRUPTED
