@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from discs import disc_folder, found_notes
-from processes import COMMAND, SETTLE, environment, run
+from processes import COMMAND, GO_ON, SETTLE, environment, run
 
 
 @pytest.fixture(scope="module")
@@ -102,7 +102,7 @@ def test_an_interrupted_run_keeps_its_rows_and_counts_the_rest(folder, number):
         out, err = process.communicate(timeout=60)
     assert process.returncode == 130
     assert [image["image"] for image in json.loads(out)["images"]] == ["disc0.png"]
-    assert err == f"1 measured, 0 failed, interrupted: 1 not done, 1 ambiguous: {SETTLE}\n"
+    assert err == f"1 measured, 0 failed, interrupted: 1 not done, 1 ambiguous: {SETTLE}\n{GO_ON}"
 
 
 @contextmanager
@@ -133,7 +133,7 @@ def test_a_row_leaves_though_the_producer_is_silent_and_ctrl_c_ends_the_wait(fol
         os.killpg(process.pid, signal.SIGINT)
         out, err = process.communicate(timeout=60)
     assert (process.returncode, out) == (130, "")
-    assert err.endswith(f"2 measured, 0 failed, interrupted: the rest not done, 2 ambiguous: {SETTLE}\n")
+    assert err.endswith(f"2 measured, 0 failed, interrupted: the rest not done, 2 ambiguous: {SETTLE}\n{GO_ON}")
 
 
 def test_a_stream_whose_reader_goes_away_ends_at_the_next_row(folder):

@@ -323,6 +323,9 @@ def test_an_interrupted_run_leaves_the_complete_table_in_its_place(run, folder, 
     assert {path.name for path in tmp_path.iterdir()} == {"imgs", "t.csv", "t.csv.journal"}
     code, _, err = run("estimate", folder, "-o", out, "--resume")
     assert code == 0
+    assert "1 finished before\n" in err
+    code, _, err = run("estimate", folder, "-o", out, "--resume")
+    assert "there is nothing to go on with; all images are measured\n" in err
     assert out.read_bytes() == before
 
 

@@ -43,6 +43,8 @@ class Journal:
         self.path = path
         self.discarded = False
         """whether there was an unfinished run, which is not gone on with"""
+        self.reused = 0
+        """how many results came from the journal; whoever takes them counts"""
         self._offsets: dict[bytes, int] = {}
         self._writer = _opened_alone(path, output)
         try:
@@ -61,6 +63,11 @@ class Journal:
     def __exit__(self, *_: object) -> None:
         self._reader.close()
         self._writer.close()
+
+    @property
+    def is_new(self) -> bool:
+        """Whether nothing was finished when it was opened."""
+        return not self._offsets
 
     def find(self, key: str) -> dict[str, object] | None:
         """Return the values last added under `key` before the journal was opened.

@@ -69,6 +69,7 @@ def measure_with_journal(
             # Before the image is read: a file that changes meanwhile is measured again next time.
             entry = _entry(item)
             known = None if entry is None else _finished(entry, item, journal, warn)
+            journal.reused += known is not None
             begun.append(entry if known is None else None)
             yield item if known is None else known
 

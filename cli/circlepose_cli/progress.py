@@ -158,6 +158,8 @@ class Reporter:
         self.note(", ".join(parts))
         if resumable:
             self.note("the same command with --resume does only what is left")
+        elif interrupted:
+            self.note("with -o FILE, a run that is interrupted can be gone on with (--resume)")
         if self.bugs:
             self.note("internal_error is a bug: please report it with the command line and what --verbose shows")
 

@@ -126,6 +126,8 @@ def _run(request: Request, held: ExitStack) -> int:
     ):
         if journal is not None and journal.discarded:
             reporter.note(f"{journal.path}: was left by an unfinished run; it is begun anew, without --resume")
+        if journal is not None and request.resume and journal.is_new:
+            reporter.note(f"{journal.path}: there is nothing to go on with; all images are measured")
         is_binary = output_format is FormatChoice.PARQUET
         with suppress(Unfinished), open_output(output, binary=is_binary, overwrite=request.overwrite) as handle:
             bar = reporter.running(total, shows_bar=shows_bar)
@@ -136,6 +138,8 @@ def _run(request: Request, held: ExitStack) -> int:
                 # A part of the table must not take the place of a whole one.
                 raise Unfinished
         is_done = not (interruption.received or reporter.lost)
+        if journal is not None and journal.reused:
+            reporter.note(f"{journal.reused} finished before")
         if journal is not None and is_done:
             journal.remove()
     if skipped:
