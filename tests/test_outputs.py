@@ -17,7 +17,7 @@ from circlepose.files.images import read_image
 from circlepose.files.marks import bears_mark, is_drawn_file
 from circlepose_cli.app import main
 from discs import disc_folder
-from processes import COMMAND, environment
+from processes import COMMAND, environment, shell
 
 SCENE = """
 camera: {fx: 400, fy: 400, cx: 79.5, cy: 59.5, image_size: [160, 120]}
@@ -369,3 +369,71 @@ def test_a_way_through_a_folder_that_is_not_there_leads_to_the_same_file(run, fo
                 continue
             assert code == 2
             assert contents(tmp_path) == before
+
+
+@pytest.mark.parametrize("more", [[], ["--overwrite"]])
+def test_a_picture_is_never_drawn_over_what_is_read(run, folder, tmp_path, monkeypatch, more):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "in").mkdir()
+    (tmp_path / "pictures").mkdir()
+    (tmp_path / "in" / "disc0.png").symlink_to("../pictures/disc0.png")
+    (tmp_path / "pictures" / "disc0.png").write_bytes((folder / "disc0.png").read_bytes())
+    # A calibration by the name of a picture, with our mark.
+    calibration = tmp_path / "pictures" / "disc1.png"
+    calibration.write_bytes(b"# Written by circlepose\n" + (folder / "camera.yaml").read_bytes())
+    before = contents(tmp_path)
+    options = ["--radius-mm", "20", "--overlay", "pictures", *more]
+    assert run("estimate", "in", "--calib", "imgs/camera.yaml", *options)[0] == 2
+    assert run("estimate", "imgs/disc1.png", "--calib", calibration, *options)[0] == 2
+    assert contents(tmp_path) == before
+
+
+def test_a_pipe_in_the_folder_of_pictures_is_left_alone(run, folder, tmp_path):
+    (tmp_path / "pictures").mkdir()
+    os.mkfifo(tmp_path / "pictures" / "disc0.png")
+    assert run("estimate", folder, "--overlay", tmp_path / "pictures")[0] == 0
+    assert (tmp_path / "pictures" / "disc0.png").is_fifo()
+
+
+def test_poses_on_standard_input_are_not_updated_from_themselves(run, folder, tmp_path):
+    run("estimate", folder, "-o", tmp_path / "t.csv")
+    before = (tmp_path / "t.csv").read_bytes()
+    done = shell('$circlepose check - --against "$1" --update < "$1"', tmp_path / "t.csv")
+    assert done.returncode == 2
+    assert (tmp_path / "t.csv").read_bytes() == before
+
+
+def test_rows_do_not_follow_the_list_that_they_are_of(folder, tmp_path):
+    names = tmp_path / "list.txt"
+    names.write_text(f"{folder / 'disc0.png'}\n")
+    done = shell('$circlepose estimate - < "$1" >> "$1"', names)
+    assert done.returncode == 2
+    assert "standard output: would be written over, but holds the list of images" in done.stderr
+    assert names.read_text() == f"{folder / 'disc0.png'}\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("t.csv", "Scene,Source,Budget\nkitchen,film,100\n"),
+        ("t.csv", "# circlepose notes\n"),
+        ("t.csv", "#!/bin/sh\n# circlepose runs here\n"),
+    ],
+)
+def test_what_only_looks_like_ours_is_left_alone(run, folder, tmp_path, name, content):
+    (tmp_path / name).write_text(content)
+    code, _, err = run("estimate", folder, "-o", tmp_path / name)
+    assert code == 2
+    assert FOREIGN in err
+    assert (tmp_path / name).read_text() == content
+
+
+def test_a_signal_ends_the_wait_for_the_reader_of_a_pipe(folder, tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    command = [COMMAND[0], "-c", FROM_THE_FIRST_LINE, "estimate", str(folder), "-o", str(tmp_path / "pipe")]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment()) as process:
+        while "target.yaml" not in process.stderr.readline():
+            assert process.poll() is None
+        time.sleep(0.5)
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(timeout=60) == 130

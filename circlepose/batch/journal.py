@@ -161,7 +161,7 @@ def _opened(path: Path, output: str) -> IO[bytes]:
         with on_behalf(output):
             descriptor = os.open(path, flags, 0o666)
     except OutputError:
-        if not path.is_symlink():
+        if not (path.is_symlink() or path.is_dir()):
             raise
         raise _no_journal(path) from None
     with ExitStack() as until_known:

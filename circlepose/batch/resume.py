@@ -119,6 +119,9 @@ def _finished(entry: _Entry, item: WorkItem, journal: Journal, warn: Callable[[s
                 f"{journal.path}: {item.name} was measured with another {what}. Go on with the {what} that the run "
                 "was begun with, or leave out --resume to measure all images again."
             )
+    if not {circle.radius_mm for circle in result.circles} <= set(item.target.radii_mm):
+        warn(f"{journal.path}: the entry of {item.name} has radii that are not the target's; it is measured again.")
+        return None
     if before != entry or (item.overlay is not None and not item.overlay.exists()):
         return None
     return result

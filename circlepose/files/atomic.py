@@ -84,8 +84,13 @@ def atomic_writer(
 def _written(path: str | os.PathLike[str], binary: bool, overwrite: bool) -> Iterator[IO[Any]]:
     name = os.fspath(path)
     if not is_replaceable_file(path):
-        with _opened_in_place(name) as raw, _layered(raw, binary) as handle:
-            yield handle
+        try:
+            with _opened_in_place(name) as raw, _layered(raw, binary) as handle:
+                yield handle
+        except OSError as reason:
+            if reason.errno in _STORAGE_FAILS and reason.filename is None:
+                raise OutputError(f"{name}: cannot be written ({_why(reason)}).") from None
+            raise
         return
     refuse_foreign(path, overwrite=overwrite)
     place = Path(os.path.realpath(path))

@@ -7,8 +7,8 @@ import zlib
 from contextlib import suppress
 from pathlib import Path
 
-COMMENT = "# circlepose"
-"""first words of a YAML file of ours"""
+COMMENT = "# Written by circlepose"
+"""a line of its own, among the first three of a YAML file of ours"""
 HEAD_BYTES = 4096
 _TAIL_BYTES = 65536
 _CSV_HEADERS = (
@@ -17,14 +17,15 @@ _CSV_HEADERS = (
     b"Method,Image,Circle center position,",
     b"Scene,Candidate,UN,TV,GCC",
     b"Method,Source,Image,",
-    b"Reading,Perturbed,",
-    b"Scene,Source,",
+    b"Reading,Perturbed,Noise (px),",
+    b"Scene,Source,Candidate,UN,",
     b"Part,Tilt (deg),Scenes,",
 )
 _PNG = b"\x89PNG\r\n\x1a\n"
 _PNG_HEAD_BYTES = 33
 """of the signature and the chunk IHDR, which comes first"""
 _JPEG = b"\xff\xd8"
+_PDF_END = b"%circlepose\n"
 _DRAWN = b"circlepose picture"
 _RENDERED = b"circlepose render"
 
@@ -35,7 +36,8 @@ def bears_mark(path: Path) -> bool:
         head = handle.read(HEAD_BYTES)
         if head.startswith((b"PAR1", b"%PDF")):
             handle.seek(max(0, path.stat().st_size - _TAIL_BYTES))
-            return b"circlepose" in handle.read()
+            tail = handle.read()
+            return tail.endswith(_PDF_END) if head.startswith(b"%PDF") else b"circlepose.poses/" in tail
     return is_marked(head)
 
 
@@ -52,7 +54,7 @@ def is_marked(head: bytes) -> bool:
         return b"<!-- circlepose -->" in head
     if head.startswith((_PNG, _JPEG)):
         return _picture_mark(head) in (_DRAWN, _RENDERED)
-    return any(line.startswith(COMMENT.encode()) for line in head.splitlines()[:3])
+    return COMMENT.encode() in head.splitlines()[:3]
 
 
 def is_drawn(head: bytes) -> bool:
@@ -95,7 +97,7 @@ def with_plot_mark(content: bytes) -> bytes:
         declaration, _, rest = content.partition(b"\n")
         return declaration + b"\n<!-- circlepose -->\n" + rest
     if content.startswith(b"%PDF"):
-        return content + b"%circlepose\n"
+        return content + _PDF_END
     return with_picture_mark(content, drawn=True)
 
 

@@ -14,10 +14,10 @@ from circlepose.files.remote import Place, RemoteFile
 class Outputs:
     """The places that a command writes to; `refuse` each place that it reads."""
 
-    def __init__(self, places: Iterable[Place | None]) -> None:
+    def __init__(self, places: Iterable[Place | int | None]) -> None:
         """Take the places that are there already: those that are not cannot be read."""
         self._urls: dict[str, Place] = {}
-        self._files: dict[tuple[int, int], Place] = {}
+        self._files: dict[tuple[int, int], Place | int] = {}
         for place in places:
             if isinstance(place, RemoteFile):
                 self._urls[_normal_url(place)] = place
@@ -26,13 +26,14 @@ class Outputs:
 
     def refuse(self, place: Place | int | None, what: str) -> None:
         """Raise `UsageError` where `place` (a descriptor, too), which holds `what`, is also written to."""
-        output = None
+        output: Place | int | str | None = None
         if isinstance(place, RemoteFile):
             output = self._urls.get(_normal_url(place))
         elif place is not None and self._files and (identity := _identity(place)) is not None:
             output = self._files.get(identity)
         if output is not None:
             name = "standard input" if isinstance(place, int) else place
+            output = "standard output" if isinstance(output, int) else output
             raise UsageError(f"{output}: would be written over, but holds {what} ({name}); give another name.")
 
 

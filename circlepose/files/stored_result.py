@@ -16,7 +16,8 @@ from typing import Any, TypeVar, Union, cast, get_args, get_origin, get_type_hin
 import numpy as np
 
 from circlepose._typing import FloatArray, frozen
-from circlepose.pose import CircleResult, ImageResult
+from circlepose.conic import Ellipse
+from circlepose.pose import CircleResult, ImageResult, Status
 
 T = TypeVar("T")
 
@@ -41,12 +42,25 @@ def restored_result(plain: object) -> ImageResult:
         result = cast("ImageResult", _restored(plain, ImageResult))
     except (TypeError, KeyError, AttributeError, OverflowError, RecursionError) as error:
         raise ValueError(f"is no stored result: {error}") from error
+    if result.status is Status.OK and not result.circles:
+        raise ValueError("circles: there is none, and the status is ok")
+    if result.image_size is not None and min(result.image_size) < 1:
+        raise ValueError(f"image_size: {result.image_size} is no size")
     for circle in result.circles:
         _check_circle(circle)
     return result
 
 
 def _check_circle(circle: CircleResult) -> None:
+    if (circle.status is Status.OK) != bool(circle.candidates) or circle.instance < 0:
+        number = len(circle.candidates)
+        raise ValueError(f"status: {circle.status} of circle {circle.instance} has {number} candidates")
+    for name in ("residual_px", "rim_used", "score"):
+        number = getattr(circle, name)
+        if number is not None and not 0.0 <= number < math.inf:
+            raise ValueError(f"{name}: {number} cannot be")
+    if circle.ellipse is not None:
+        _check_ellipse(circle.ellipse)
     if circle.candidates and not 0 <= circle.chosen < len(circle.candidates):
         raise ValueError(f"chosen: there is no candidate {circle.chosen}")
     if not (0.0 <= circle.ambiguity <= 1.0):
@@ -60,8 +74,23 @@ def _check_circle(circle: CircleResult) -> None:
                 raise ValueError(f"{name}: expected {length} finite numbers, got {values.tolist()}")
         if abs(float(np.linalg.norm(candidate.normal)) - 1.0) > _UNIT:
             raise ValueError(f"normal: {candidate.normal.tolist()} is no unit vector")
-        if candidate.covariance is not None and candidate.covariance.shape != (5, 5):
-            raise ValueError("covariance: expected 5 rows of 5 numbers")
+        if float(candidate.normal @ candidate.center) > _UNIT * float(np.linalg.norm(candidate.center)):
+            raise ValueError("normal: leads away from the camera")
+        covariance = candidate.covariance
+        if covariance is not None and (
+            covariance.shape != (5, 5) or not np.isfinite(covariance).all() or covariance.diagonal().min() < 0.0
+        ):
+            raise ValueError("covariance: expected 5 rows of 5 finite numbers, none negative in the diagonal")
+
+
+def _check_ellipse(ellipse: Ellipse) -> None:
+    shapes = {"center": (2,), "semi_major": (), "semi_minor": (), "angle": ()}
+    for name, shape in shapes.items():
+        values = np.asarray(getattr(ellipse, name))
+        if values.shape != shape or not np.isfinite(values).all():
+            raise ValueError(f"{name}: expected finite numbers of the shape {shape}")
+    if not 0.0 <= float(ellipse.semi_minor) <= float(ellipse.semi_major):
+        raise ValueError("semi_minor: expected at most the semi-major axis")
 
 
 def _plain(value: Any) -> Any:

@@ -141,7 +141,7 @@ def target_to_mapping(target: Target) -> dict[str, object]:
 def write_target(target: Target, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
     """Write `target` as YAML that `read_target` reads back as it was; raises `OutputError`."""
     with atomic_writer(path, overwrite=overwrite) as handle:
-        handle.write(f"{COMMENT} target\n")
+        handle.write(f"{COMMENT}\n")
         yaml.safe_dump(target_to_mapping(target), handle, sort_keys=False, default_flow_style=None)
 
 

@@ -40,7 +40,7 @@ def run(request: Request) -> int:
     """Compare, print what differs, and return the exit code."""
     tolerance = _tolerance(request)
     if request.update:
-        Outputs([request.against]).refuse(None if request.poses == STDIN else Path(request.poses), "the poses")
+        Outputs([request.against]).refuse(0 if request.poses == STDIN else Path(request.poses), "the poses")
     measured = _read_poses(request.poses)
     if request.update and not request.against.exists():
         _update(measured, request)

@@ -46,11 +46,12 @@ def _end_at_once(_number: int, _frame: FrameType | None) -> None:
 class Interruption:
     """Notes the first signal; ends a wait with KeyboardInterrupt, but never tears a row that is being written.
 
-    A second signal ends everything at once.
+    A second signal ends everything at once, and so does one before the first row is waited for.
     """
 
     def __init__(self) -> None:
         self.received = False
+        self._begun = False
         self._waiting = False
 
     def __enter__(self) -> Self:
@@ -62,7 +63,7 @@ class Interruption:
             signal.signal(number, handler)
 
     def _note(self, number: int, frame: FrameType | None) -> None:
-        if self.received:
+        if self.received or not self._begun:
             _end_at_once(number, frame)
         self.received = True
         if self._waiting:
@@ -71,7 +72,7 @@ class Interruption:
     @contextmanager
     def waiting(self) -> Iterator[None]:
         """Mark work that a signal may end half-way."""
-        self._waiting = True
+        self._waiting = self._begun = True
         try:
             if self.received:
                 # It came a moment ago, and nothing else would end the wait.

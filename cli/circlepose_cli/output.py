@@ -52,7 +52,7 @@ def _usual_format(output: Place | None, *, to_terminal: bool) -> FormatChoice:
     if not output.name or (not isinstance(output, RemoteFile) and not is_replaceable_file(output)):
         # A device, a pipe, or a folder, which is refused when it is opened.
         return FormatChoice.CSV
-    name = PurePath(output.name.removesuffix(".gz") if is_compressed(output) else output.name)
+    name = PurePath(output.name[:-3] if is_compressed(output) else output.name)
     form = _BY_SUFFIX.get(name.suffix.lower())
     if form is None:
         ending = f"the ending {PurePath(output.name).suffix} names no form" if name.suffix else "has no ending"

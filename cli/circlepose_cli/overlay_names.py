@@ -12,7 +12,7 @@ from itertools import chain, count
 from pathlib import Path
 
 from circlepose.errors import OutputError, UsageError
-from circlepose.files.atomic import refuse_foreign
+from circlepose.files.atomic import is_replaceable_file, refuse_foreign
 from circlepose.files.inputs import InputImage
 from circlepose.files.remote import RemoteFile
 
@@ -43,10 +43,11 @@ class OverlayNames:
         stems = Counter(_parts(image.name)[-1] for image in known)
         self._shared = {stem for stem, times in stems.items() if times > 1}
         self._used: set[str] = set()
-        if not overwrite and any(folder.iterdir()):
+        self.replaced: tuple[Path, ...] = ()
+        """pictures of the known images that are there already"""
+        if any(folder.iterdir()):
             # A rehearsal: what may not be replaced is to be known before anything is measured.
-            for image in known:
-                self.path_for(image)
+            self.replaced = tuple(path for path in map(self.path_for, known) if path.exists())
             self._used.clear()
 
     def path_for(self, image: InputImage) -> Path:
@@ -63,8 +64,10 @@ class OverlayNames:
         return path
 
     def _is_free(self, name: str) -> bool:
-        # Through a link that lies there, the picture would be written somewhere else.
-        return _as_file_system(name) not in self._used and not os.path.islink(self._folder / f"{name}.png")  # noqa: PTH114
+        # Through a link that lies there, the picture would be written somewhere else; a pipe has no end.
+        path = self._folder / f"{name}.png"
+        is_planted = path.is_symlink() or not is_replaceable_file(path)
+        return _as_file_system(name) not in self._used and not is_planted
 
     def _refuse_own_folder(self, image: InputImage) -> None:
         if isinstance(image.path, RemoteFile):

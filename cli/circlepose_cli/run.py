@@ -100,7 +100,9 @@ def _run(request: Request, held: ExitStack) -> int:
     )
     reference = _reference(request)
     outputs.refuse(request.reference, "the reference")
-    outputs.refuse(0 if STDIN in request.inputs else None, "the list of images")
+    if STDIN in request.inputs:
+        # Standard output may be the list, too: `< list >> list`.
+        (Outputs([1]) if output is None else outputs).refuse(0, "the list of images")
     skipped: Counter[str] = Counter()
     images, total = _images(request, setups, outputs, skipped, held)
     if reference is not None and total is not None:
@@ -110,6 +112,8 @@ def _run(request: Request, held: ExitStack) -> int:
         if request.overlay is None
         else OverlayNames(request.overlay, images if total else (), overwrite=request.overwrite)
     )
+    if overlays is not None:
+        _refuse_pictures(overlays, output, request, images if total else (), setups)
     items = _work_items(images, setups, overlays, overwrite=request.overwrite)
     options = MeasureOptions(
         request.method.value,
@@ -193,6 +197,21 @@ def _images(
     for image in known:
         setups.for_image(image.path)
     return known, len(known)
+
+
+def _refuse_pictures(
+    overlays: OverlayNames, output: Place | None, request: Request, images: Iterable[InputImage], setups: Setups
+) -> None:
+    """Raise `UsageError` where a picture would be written over a file that is read, or over the table."""
+    pictures = Outputs(overlays.replaced)
+    if overlays.replaced:
+        for image in images:
+            pictures.refuse(image.path, "an image to measure")
+            setup = setups.for_image(image.path)
+            pictures.refuse(setup.camera_file.path, "the calibration")
+            pictures.refuse(setup.target_path, "the target")
+    pictures.refuse(request.reference, "the reference")
+    pictures.refuse(output, "the table of -o")
 
 
 def _guarded(images: Iterable[InputImage], outputs: Outputs) -> Iterator[InputImage]:
