@@ -283,7 +283,7 @@ _ODD: tuple[Callable[[], object], ...] = (
     lambda: np.array(5.0),
     lambda: np.array([None, "a"], dtype=object),
     lambda: np.ma.masked_array([1.0, 2.0], [True, False]),
-    lambda: np.datetime64("NaT"),
+    lambda: np.datetime64("NaT", "s"),
     lambda: np.bool_(True),
     lambda: np.int8(3),
     lambda: np.float16(3.0),
