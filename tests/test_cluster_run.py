@@ -19,7 +19,7 @@ from circlepose.errors import CircleposeError, UsageError
 from circlepose.files.stored_result import plain_result
 from circlepose.pose import ImageResult, Status
 from circlepose.target import Target
-from discs import CAMERA, RADIUS_MM
+from discs import CAMERA, RADIUS_MM, made_result
 
 WORKER = "tcp://w:1"
 
@@ -81,8 +81,12 @@ def answer(number: int, *outcomes: object) -> Done:
     return Done(number, json.dumps({"worker": WORKER, "outcomes": outcomes}).encode())
 
 
+def measured(name: str) -> dict[str, object]:
+    return {"result": plain_result(made_result(image=name))}
+
+
 def fine(number: int, names: list[str]) -> Done:
-    return answer(number, *({"result": plain_result(ImageResult(name))} for name in names))
+    return answer(number, *(measured(name) for name in names))
 
 
 def run(
@@ -161,7 +165,7 @@ def test_an_answer_that_is_lost_with_its_worker_is_no_death(monkeypatch: pytest.
 def test_an_image_that_its_process_dies_of_is_tried_once_more_elsewhere(monkeypatch: pytest.MonkeyPatch) -> None:
     def play(_: Played, number: int, names: list[str]) -> list[Event]:
         died = {"died": "killed by SIGKILL"}
-        return [answer(number, *(died if n == "b" else {"result": plain_result(ImageResult(n))} for n in names))]
+        return [answer(number, *(died if n == "b" else measured(n) for n in names))]
 
     found, played = run(monkeypatch, play)
     assert found["b"] == (Status.WORKER_DIED, "its worker process died twice (killed by SIGKILL)")
@@ -175,7 +179,7 @@ def test_time_that_is_over_and_bugs_are_rows(monkeypatch: pytest.MonkeyPatch) ->
     told: list[tuple[str, list[str]]] = []
 
     def play(_: Played, number: int, names: list[str]) -> list[Event]:
-        return [answer(number, *(outcomes.get(n, {"result": plain_result(ImageResult(n))}) for n in names))]
+        return [answer(number, *(outcomes.get(n, measured(n)) for n in names))]
 
     found, _ = run(monkeypatch, play, timeout_s=7.0, on_bug=lambda name, error: told.append((name, error.__notes__)))
     assert found["a"] == (Status.TIMED_OUT, "was not measured within 7 s")
