@@ -1,6 +1,6 @@
 """Errors of rendered discs against the bound that image noise sets, and whether the covariance told holds.
 
-    python benchmarks/accuracy.py [--only sets|grid] [--cell NAME] [--views 16] [--draws N] [--worst NUMBER]
+    python -m benchmarks.accuracy [--only sets|grid] [--cell NAME] [--views 16] [--draws N] [--worst NUMBER]
 
 Sets: a disc of radius 60 mm, grey 40 on 200, blur 0.7 px, noise 2 grey levels, 400 to 1500 mm away,
 tilted 0 to 75 deg. `lo`: 1280 x 960, f = 1200 px, 100 images; `hi`: 2456 x 2058, f = 3480 px, 30 images; `lo k1=-0.3`
@@ -22,11 +22,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 import circlepose
-from bound import pose_bound, share_derivatives
+from benchmarks.support.bound import pose_bound, share_derivatives
 from circlepose._typing import FloatArray, Image
-from circlepose.camera import Camera
-from circlepose.cone import plane_basis
-from circlepose.pose import Candidate, Flag, ImageResult
+from circlepose.camera.camera import Camera
+from circlepose.geometry.cone import plane_basis
+from circlepose.results import Candidate, Flag, ImageResult
 from circlepose.synthesis.disc_sets import RADIUS_MM, disc_views
 from circlepose.synthesis.render import render_float
 from circlepose.synthesis.scene import Disc, Paint, Scene, Shading, Texture

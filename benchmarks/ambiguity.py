@@ -1,6 +1,6 @@
 """Ring targets: how often the right one of the two candidates is chosen, and whether `ambiguity` can be believed.
 
-    python benchmarks/ambiguity.py [--trials 1000]
+    python -m benchmarks.ambiguity [--trials 1000]
 
 Rendered coplanar rings (radii 50 and 30 mm) and coaxial bosses and recesses (radii 45 and 30 mm, generatrix
 45.21 mm), tilted 0 to 75 deg. `near`: 400 to 1500 mm away, noise 2 grey levels. `far`: 1.5 to 6 m away, so that the
@@ -20,12 +20,12 @@ from dataclasses import dataclass
 import numpy as np
 
 import circlepose
-from circlepose.camera import Camera, circle_contour
-from circlepose.cone import cone_from_circle, plane_basis
+from benchmarks.support.scoring import Error, TrueCircle, error
+from circlepose.camera.camera import Camera, circle_contour
+from circlepose.geometry.cone import cone_from_circle, plane_basis
 from circlepose.synthesis.render import render
 from circlepose.synthesis.scene import CoaxialPart, Paint, Rings, Scene
-from circlepose.target import Target
-from scoring import Error, TrueCircle, error
+from circlepose.targets.target import Target
 
 CAMERA = Camera.create([[1200.0, 0, 639.5], [0, 1200.0, 479.5], [0, 0, 1]], (), (1280, 960))
 HEIGHT_MM = float(np.sqrt(45.21**2 - 15.0**2))

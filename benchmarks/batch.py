@@ -1,6 +1,6 @@
 """Many images by worker processes: how fast, in how much memory, and what is left of a run that is killed.
 
-python benchmarks/batch.py [--images 1000] [--repeats 3] [--memory 1000 20000] [--kills 50] [--cluster 400]
+python -m benchmarks.batch [--images 1000] [--repeats 3] [--memory 1000 20000] [--kills 50] [--cluster 400]
 
 The last needs `pip install '.[test-cluster]'`; 0, or no number, leaves a part out.
 """
@@ -22,7 +22,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from circlepose.camera import Camera
+from circlepose.camera.camera import Camera
 from circlepose.synthesis.render import render
 from circlepose.synthesis.scene import Disc, Paint, Scene
 

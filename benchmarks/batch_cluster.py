@@ -10,7 +10,7 @@ from pathlib import Path
 
 import fsspec
 
-from services import Cluster, kill, s3_server
+from benchmarks.support.services import Cluster, kill, s3_server
 
 WORKERS = 2
 

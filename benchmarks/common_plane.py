@@ -1,6 +1,6 @@
 """Photographed boards, `coplanar: true`: how often the right candidate of each disc is chosen, and how surely.
 
-    CIRCLEPOSE_DATA=... python benchmarks/common_plane.py [SET ...]
+    CIRCLEPOSE_DATA=... python -m benchmarks.common_plane [SET ...]
 
 Counted are the discs of the truth that are found, of which the candidates differ by more than 2 deg, the error of
 the truth. *alone*: as each disc is listed without the hint, the candidate that faces the camera more first.
@@ -14,8 +14,8 @@ from dataclasses import replace
 import numpy as np
 
 import circlepose
-from circlepose.files.images import read_image
-from scoring import data_folder, error, match, read_radius, read_truth
+from benchmarks.support.scoring import data_folder, error, match, read_radius, read_truth
+from circlepose.io.images.reader import read_image
 
 SETS = ("discocal_rgb_left", "discocal_tir", "opencv_circles_a", "boofcv_circle_hex_stills")
 ALIKE_DEG = 2.0

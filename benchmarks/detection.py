@@ -1,6 +1,6 @@
 """What is found on photographs with truth, against other detectors on the same images in one run.
 
-    python benchmarks/detection.py [SET ...]
+    python -m benchmarks.detection [SET ...]
 
 Only the image is given, as to `circlepose estimate --count all` without intervals, unless said below. Each detector
 finds circles or ellipses; a true one is found when a report stands at its place with its size (within a quarter). A
@@ -31,12 +31,12 @@ import cv2
 import numpy as np
 
 import circlepose
+from benchmarks.support.environments import EDGE_DRAWING, RINGGRID, NotInstalledError, answers, environment
+from benchmarks.support.scoring import PHOTOGRAPHS, TrueCircle, data_folder, read_truth
 from circlepose._typing import FloatArray, Image
-from circlepose.extraction.find import find_contours
-from circlepose.extraction.grey import to_grey
-from circlepose.files.images import read_image
-from environments import EDGE_DRAWING, RINGGRID, NotInstalledError, answers, environment
-from scoring import PHOTOGRAPHS, TrueCircle, data_folder, read_truth
+from circlepose.detection.detect import find_contours
+from circlepose.imaging.gray import to_grey
+from circlepose.io.images.reader import read_image
 
 Detector = Callable[[Image], FloatArray]
 """Grey image -> (n, 3): x, y and major axis in px, NaN where it gives none."""

@@ -1,6 +1,6 @@
 """Discs seen edge-on, or nearly, with default options: are they found, and does the error keep to the covariance?
 
-    python benchmarks/edge_on.py [--step 0.05] [--only NAME]
+    python -m benchmarks.edge_on [--step 0.05] [--only NAME]
 
 Rendered discs, tilted 85 to 90 deg in steps of `--step`, in 1280 x 960 px with f = 1200 px, off the axis and at
 another lean and noise in each. `wide` counts the views whose segment is at least 1 px wide. A pose is `beyond` where
@@ -17,9 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 
 import circlepose
-from circlepose.camera import Camera
-from circlepose.cone import factor_from_circle, plane_basis, principal_frame
-from circlepose.pose import Candidate
+from circlepose.camera.camera import Camera
+from circlepose.geometry.cone import factor_from_circle, plane_basis, principal_frame
+from circlepose.results import Candidate
 from circlepose.synthesis.render import render
 from circlepose.synthesis.scene import Disc, Paint, Scene
 

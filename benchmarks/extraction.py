@@ -1,6 +1,6 @@
 """The two extractions on the same images: what each finds, and how well.
 
-    CIRCLEPOSE_DATA=... python benchmarks/extraction.py
+    CIRCLEPOSE_DATA=... python -m benchmarks.extraction
 
 The first five images of each set; errors of the better candidate.
 """
@@ -13,9 +13,9 @@ import time
 import numpy as np
 
 import circlepose
-from circlepose.extraction import EXTRACTIONS
-from circlepose.files.images import read_image
-from scoring import data_folder, error, match, read_radius, read_truth
+from benchmarks.support.scoring import data_folder, error, match, read_radius, read_truth
+from circlepose.detection import EXTRACTIONS
+from circlepose.io.images.reader import read_image
 
 PHOTOGRAPHS = ("discocal_rgb_left", "discocal_tir", "boofcv_circle_hex_stills", "opencv_acircles", "rosi_small_dots")
 SCENES = {"rendered_cd": 60.0, "rendered_clutter": 25.0}

@@ -1,6 +1,6 @@
 """Ring targets that are declared flat and have a step: is a wrong choice of the candidate ever silent?
 
-    python benchmarks/flatness.py [--trials 1000] [--rendered 0] [--figure docs/figures/flatness.svg]
+    python -m benchmarks.flatness [--trials 1000] [--rendered 0] [--figure docs/figures/flatness.svg]
 
 Two circles on one axis, the inner one off the plane of the outer one by a step of 0 to 5 mm to either side,
 measured as `kind: coplanar`; tilts 0 to 75 deg, distances 400 to 1500 mm, three sizes. The rims have random errors,
@@ -21,17 +21,17 @@ from pathlib import Path
 import numpy as np
 
 import circlepose
-from circlepose.camera import Camera, circle_contour
-from circlepose.cone import factor_from_circle, plane_basis, principal_frame
-from circlepose.fitting.viewing_cone import ConeFit
-from circlepose.measure import Rim, rim_from_fit
-from circlepose.pose import CircleResult, Flag
-from circlepose.rim_modes import grown, mode_shapes
-from circlepose.rings import find_ring_targets
+from circlepose.camera.camera import Camera, circle_contour
+from circlepose.fitting.cone_fit import ConeFit
+from circlepose.geometry.cone import factor_from_circle, plane_basis, principal_frame
+from circlepose.geometry.cone_perturbation import grown, mode_shapes
+from circlepose.measurement.edge_fit import Rim, rim_from_fit
+from circlepose.results import CircleResult, Flag
+from circlepose.rings.results import find_ring_targets
 from circlepose.solvers.chen_huang import poses_from_frame
 from circlepose.synthesis.render import render
 from circlepose.synthesis.scene import CoaxialPart, Paint, Scene
-from circlepose.target import Target
+from circlepose.targets.target import Target
 
 CAMERA = Camera.create([[1200.0, 0, 639.5], [0, 1200.0, 479.5], [0, 0, 1]], (), (1280, 960))
 SIZES_MM = ((25.0, 15.0), (45.0, 30.0), (80.0, 50.0))
@@ -180,7 +180,7 @@ def law(radii: tuple[float, float], distance: float, tilt: np.ndarray) -> np.nda
 
 def flips_at(radii: tuple[float, float], distance: float, tilt: float) -> float:
     """Return that depth by the fits to exact rims with a height fixed to zero, without any of the safeguards."""
-    from circlepose.joint import AxisPose, RingProblem, from_levels  # noqa: PLC0415 - for this alone
+    from circlepose.rings.joint_pose import AxisPose, RingProblem, from_levels  # noqa: PLC0415 - for this alone
 
     def lead(depth: float) -> float:
         ray = np.array([0.0, 0.0, 1.0])

@@ -1,6 +1,6 @@
 """Damaged files and journals, odd calls of the library and odd places of outputs: what came of them.
 
-    python benchmarks/fuzz.py [--cases N] [--first NUMBER] [--format NAME] [--case NUMBER]
+    python -m benchmarks.fuzz [--cases N] [--first NUMBER] [--format NAME] [--case NUMBER]
 
 Each is read, or made, in a process that may crash or hang. Prints a row per format; calls have names such as `call of
 estimate`. A case is made from the format's name and its number alone (and from the bytes that this
@@ -21,14 +21,14 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
 
-from circlepose.files.image_bytes import JPEG_2000_VARIABLE
-from fuzz_formats import Format
-from mutations import generator
+from benchmarks.support.fuzz.formats import Format
+from benchmarks.support.fuzz.mutations import generator
+from circlepose.io.images.formats import JPEG_2000_VARIABLE
 
 Case = tuple[str, int]
 """name of the format and number"""
 
-SOURCES = ("fuzz_formats", "fuzz_arguments", "fuzz_outputs")
+SOURCES = tuple(f"benchmarks.support.fuzz.{name}" for name in ("formats", "arguments", "outputs"))
 """modules with formats"""
 HANG_S = 30.0
 _START_S = 60.0
@@ -45,7 +45,9 @@ class Outcomes:
     """by case: a bug, words on standard error, a hang or a crash"""
 
 
-def fuzz(cases: Sequence[Case], source: str = "fuzz_formats", hang_s: float = HANG_S) -> dict[str, Outcomes]:
+def fuzz(
+    cases: Sequence[Case], source: str = "benchmarks.support.fuzz.formats", hang_s: float = HANG_S
+) -> dict[str, Outcomes]:
     """Return what comes of `cases`, by format, read one after the other in a process that is replaced if it dies.
 
     The module `source` has the formats; over `hang_s` a case is given up.

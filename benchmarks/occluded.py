@@ -1,6 +1,6 @@
 """The view with an outlier (an object touches the rim): the whole contour fitted, and the arcs of one ellipse only.
 
-    python benchmarks/occluded.py
+    python -m benchmarks.occluded
 
 The sample cd/c, whose disc is touched by a bar of its own brightness. `whole contour` is what a plain pipeline does:
 the border of the merged region goes into a direct ellipse fit and an exact solver.
@@ -14,8 +14,8 @@ import cv2
 import numpy as np
 
 import circlepose
-from circlepose.files.images import read_image
-from scoring import TrueCircle, error
+from benchmarks.support.scoring import TrueCircle, error
+from circlepose.io.images.reader import read_image
 
 SAMPLE = Path(__file__).resolve().parents[1] / "sample_images" / "cd"
 CENTER, NORMAL = np.array([-14.86, 31.54, 902.38]), np.array([0.0, -0.97, -0.24])

@@ -1,6 +1,6 @@
 """Coplanar rings: the route of Fu & Zhou (equations 7 to 10) beside the pose that `estimate` gives.
 
-    python benchmarks/papers_route.py [--trials 100]
+    python -m benchmarks.papers_route [--trials 100]
 
 The coplanar trials of `ambiguity.py`. The paper's route starts from the conics of both rings and has one solution:
 imaged centre, vanishing line, imaged circular points, rotation and translation. It is fed the same edges as
@@ -14,19 +14,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from ambiguity import CAMERA, KINDS, scene
 
 import circlepose
+from benchmarks.ambiguity import CAMERA, KINDS, scene
 from circlepose._typing import FloatArray
-from circlepose.camera import Camera
-from circlepose.cone import SIGNATURE
-from circlepose.disambiguation.vanishing_line import (
-    imaged_center,
-    normal_from_imaged_center,
-    pose_from_coplanar_circles,
-)
-from circlepose.fitting.viewing_cone import fit_cone
-from circlepose.pose import CircleResult
+from circlepose.camera.camera import Camera
+from circlepose.fitting.cone_fit import fit_cone
+from circlepose.geometry.cone import SIGNATURE
+from circlepose.results import CircleResult
+from circlepose.solvers.fu_zhou_coplanar import imaged_center, normal_from_imaged_center, pose_from_coplanar_circles
 from circlepose.synthesis.render import render
 
 TILTS_DEG = ((0.0, 10.0), (10.0, 40.0), (40.0, 75.0))

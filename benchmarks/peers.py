@@ -1,6 +1,6 @@
 """What else finds a circle's pose, on the same images: the rendered discs `lo` of `accuracy.py`.
 
-    python benchmarks/peers.py [--views 100] [--boards 20]
+    python -m benchmarks.peers [--views 100] [--boards 20]
 
 Each package is put into a virtual environment of its own (`environments.py`), which needs pip and a way to an index;
 one that cannot be installed is left out, with a sentence. Those that only find an ellipse get our cone and solver.
@@ -29,18 +29,8 @@ from typing import TypeVar
 import numpy as np
 
 import circlepose
-from accuracy import SEED
-from circlepose._typing import FloatArray, Image
-from circlepose.camera import Camera, circle_contour
-from circlepose.cone import plane_basis
-from circlepose.conic import Ellipse
-from circlepose.fitting.direct import fit_ellipse
-from circlepose.fitting.viewing_cone import factor_from_ellipse, fit_cone
-from circlepose.solvers.solve import solve
-from circlepose.synthesis.disc_sets import RADIUS_MM, disc_views
-from circlepose.synthesis.render import render
-from circlepose.synthesis.scene import Box, Circle, Disc, Paint, Patch, Plane, Rings, Scene
-from environments import (
+from benchmarks.accuracy import SEED
+from benchmarks.support.environments import (
     EDGE_DRAWING,
     NAPA_VISION,
     PYE3D,
@@ -51,6 +41,16 @@ from environments import (
     answers,
     environment,
 )
+from circlepose._typing import FloatArray, Image
+from circlepose.camera.camera import Camera, circle_contour
+from circlepose.fitting.cone_fit import factor_from_ellipse, fit_cone
+from circlepose.fitting.direct import fit_ellipse
+from circlepose.geometry.cone import plane_basis
+from circlepose.geometry.conic import Ellipse
+from circlepose.solvers.registry import solve
+from circlepose.synthesis.disc_sets import RADIUS_MM, disc_views
+from circlepose.synthesis.render import render
+from circlepose.synthesis.scene import Box, Circle, Disc, Paint, Patch, Plane, Rings, Scene
 
 MIDWAY = 120.0
 DARK, LIGHT = Paint(40.0), Paint(200.0)

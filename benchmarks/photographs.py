@@ -1,6 +1,6 @@
 """Photographs with truth: what is found and how well, default settings, `--count all`, nothing but the radius given.
 
-    python benchmarks/photographs.py [SET ...]
+    python -m benchmarks.photographs [SET ...]
 
 Errors are of the better candidate, picked with the truth. The radius is known to about 0.5 %, so range is
 judged by its spread after one scale per set.
@@ -14,8 +14,8 @@ import time
 import numpy as np
 
 import circlepose
-from circlepose.files.images import read_image
-from scoring import PHOTOGRAPHS, data_folder, error, match, read_radius, read_truth
+from benchmarks.support.scoring import PHOTOGRAPHS, data_folder, error, match, read_radius, read_truth
+from circlepose.io.images.reader import read_image
 
 
 def main(names: list[str]) -> int:

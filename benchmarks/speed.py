@@ -1,6 +1,6 @@
 """How long finding and measuring circles takes, as a share of reading the same files in the same run.
 
-    python benchmarks/speed.py [--quick]
+    python -m benchmarks.speed [--quick]
 
 One process, one thread. Each image is a PNG in a temporary folder; the time of `cv2.imread` of that file is the unit.
 `find`: extraction alone; `all`: `circlepose.estimate` on the decoded image. The best of several runs counts, taken in
@@ -24,9 +24,9 @@ import cv2
 import numpy as np
 
 import circlepose
-from circlepose.camera import Camera
-from circlepose.extraction.find import find_contours
-from circlepose.extraction.grey import to_grey
+from circlepose.camera.camera import Camera
+from circlepose.detection.detect import find_contours
+from circlepose.imaging.gray import to_grey
 from circlepose.synthesis.disc_sets import RADIUS_MM, disc_views
 from circlepose.synthesis.render import render
 from circlepose.synthesis.scene import Disc, Paint, Scene

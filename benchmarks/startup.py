@@ -1,6 +1,6 @@
 """Start-up, which counts in pipelines: the best of five runs of each command, in s.
 
-python benchmarks/startup.py
+python -m benchmarks.startup
 """
 
 from __future__ import annotations

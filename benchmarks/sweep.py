@@ -1,7 +1,7 @@
 """Random views over all tilts, with rims partly hidden: how often the answer is right, and how often quietly wrong.
 
-    python benchmarks/sweep.py [--views 1000] [--seed 1999] [--jobs 2] [--wrong]
-    python benchmarks/sweep.py --show VIEW --hidden 30 [-o view.png]
+    python -m benchmarks.sweep [--views 1000] [--seed 1999] [--jobs 2] [--wrong]
+    python -m benchmarks.sweep --show VIEW --hidden 30 [-o view.png]
 
 A dark disc of radius 60 mm on white (grey 40 on 200), 1280 x 960, f = 1200 px, blur 0.7 px, noise 2 grey levels, 400
 to 1500 mm away and wholly in the image. Its normal is uniform over the sphere (in solid angle), up to 89 deg from
@@ -38,14 +38,14 @@ import cv2
 import numpy as np
 
 import circlepose
+from benchmarks.support.scoring import Error, TrueCircle, error
 from circlepose._typing import FloatArray
-from circlepose.camera import Camera, circle_contour
-from circlepose.cone import plane_basis
-from circlepose.files.images import write_image
-from circlepose.pose import Flag, ImageResult
+from circlepose.camera.camera import Camera, circle_contour
+from circlepose.geometry.cone import plane_basis
+from circlepose.io.images.reader import write_image
+from circlepose.results import Flag, ImageResult
 from circlepose.synthesis.render import render
 from circlepose.synthesis.scene import Disc, Paint, Patch, Polygon, Scene
-from scoring import Error, TrueCircle, error
 
 HIDDEN_PERCENT = (0, 10, 20, 30, 40)
 BANDS_DEG = ((0, 30), (30, 60), (60, 80), (80, 89))

@@ -17,47 +17,47 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from circlepose.camera import Camera as Camera
-    from circlepose.camera import CameraSigma as CameraSigma
-    from circlepose.cone import ConeKind as ConeKind
-    from circlepose.conic import Ellipse as Ellipse
-    from circlepose.contour_pose import estimate_from_contour as estimate_from_contour
-    from circlepose.errors import CircleposeError as CircleposeError
-    from circlepose.files.camera_file import read_camera as read_camera
-    from circlepose.files.target_file import read_target as read_target
-    from circlepose.pipeline import estimate as estimate
-    from circlepose.pose import Candidate as Candidate
-    from circlepose.pose import CircleResult as CircleResult
-    from circlepose.pose import CovarianceTerms as CovarianceTerms
-    from circlepose.pose import Flag as Flag
-    from circlepose.pose import ImageResult as ImageResult
-    from circlepose.pose import Status as Status
-    from circlepose.target import AxisIntervals as AxisIntervals
-    from circlepose.target import Target as Target
-    from circlepose.target_hints import DirectionHint as DirectionHint
+from circlepose._version import __version__ as __version__
 
-__version__ = "0.1.0"
+if TYPE_CHECKING:
+    from circlepose.camera.camera import Camera as Camera
+    from circlepose.camera.camera import CameraSigma as CameraSigma
+    from circlepose.errors import CircleposeError as CircleposeError
+    from circlepose.geometry.cone import ConeKind as ConeKind
+    from circlepose.geometry.conic import Ellipse as Ellipse
+    from circlepose.io.calibration.reader import read_camera as read_camera
+    from circlepose.io.target_file import read_target as read_target
+    from circlepose.measurement.user_contour import estimate_from_contour as estimate_from_contour
+    from circlepose.pipeline import estimate as estimate
+    from circlepose.results import Candidate as Candidate
+    from circlepose.results import CircleResult as CircleResult
+    from circlepose.results import CovarianceTerms as CovarianceTerms
+    from circlepose.results import Flag as Flag
+    from circlepose.results import ImageResult as ImageResult
+    from circlepose.results import Status as Status
+    from circlepose.targets.hints import DirectionHint as DirectionHint
+    from circlepose.targets.target import AxisIntervals as AxisIntervals
+    from circlepose.targets.target import Target as Target
 
 _HOME = {
-    "AxisIntervals": "target",
-    "Camera": "camera",
-    "CameraSigma": "camera",
-    "Candidate": "pose",
-    "CircleResult": "pose",
+    "AxisIntervals": "targets.target",
+    "Camera": "camera.camera",
+    "CameraSigma": "camera.camera",
+    "Candidate": "results",
+    "CircleResult": "results",
     "CircleposeError": "errors",
-    "ConeKind": "cone",
-    "CovarianceTerms": "pose",
-    "DirectionHint": "target_hints",
-    "Ellipse": "conic",
-    "Flag": "pose",
-    "ImageResult": "pose",
-    "Status": "pose",
-    "Target": "target",
+    "ConeKind": "geometry.cone",
+    "CovarianceTerms": "results",
+    "DirectionHint": "targets.hints",
+    "Ellipse": "geometry.conic",
+    "Flag": "results",
+    "ImageResult": "results",
+    "Status": "results",
+    "Target": "targets.target",
     "estimate": "pipeline",
-    "estimate_from_contour": "contour_pose",
-    "read_camera": "files.camera_file",
-    "read_target": "files.target_file",
+    "estimate_from_contour": "measurement.user_contour",
+    "read_camera": "io.calibration.reader",
+    "read_target": "io.target_file",
 }
 
 __all__ = [  # noqa: PLE0604 - all are strings

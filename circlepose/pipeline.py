@@ -6,29 +6,29 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
-from circlepose import arguments
+from circlepose import _arguments
 from circlepose._typing import Image
-from circlepose.camera import Camera
-from circlepose.camera_doubts import misfit
-from circlepose.extraction import EXTRACTIONS
-from circlepose.extraction.contour import Contour, Rejection
-from circlepose.extraction.find import find_contours
-from circlepose.extraction.float_levels import without_gaps
-from circlepose.extraction.grey import to_grey
-from circlepose.extraction.intervals import axis_intervals
-from circlepose.hinted import settled_by_hints
-from circlepose.image_fit import size_mismatch
-from circlepose.measure import Rim, fit_rims
-from circlepose.pose import CircleResult, Flag, ImageResult, Status
-from circlepose.refinement import refined
-from circlepose.ring_doubts import contradiction
-from circlepose.rings import find_ring_targets
-from circlepose.second_rim import with_second_rims
-from circlepose.solutions import results_of_rims
+from circlepose.camera.camera import Camera
+from circlepose.camera.image_size import size_mismatch
+from circlepose.camera.plausibility import misfit
+from circlepose.detection import EXTRACTIONS
+from circlepose.detection.axis_intervals import axis_intervals
+from circlepose.detection.contour import Contour, Rejection
+from circlepose.detection.detect import find_contours
+from circlepose.disambiguation.settle import settled_by_hints
+from circlepose.imaging.float_levels import without_gaps
+from circlepose.imaging.gray import to_grey
+from circlepose.measurement.edge_fit import Rim, fit_rims
+from circlepose.measurement.intensity_fit import refined
+from circlepose.measurement.poses import results_of_rims
+from circlepose.results import CircleResult, Flag, ImageResult, Status
+from circlepose.rings.diagnosis import contradiction
+from circlepose.rings.guided_search import with_second_rims
+from circlepose.rings.results import find_ring_targets
 from circlepose.solvers import METHODS, methods_for
-from circlepose.solvers.solve import solve
-from circlepose.target import AxisIntervals, Target
-from circlepose.uncertainty import with_all_terms
+from circlepose.solvers.registry import solve
+from circlepose.targets.target import AxisIntervals, Target
+from circlepose.uncertainty.systematic import with_all_terms
 
 _EVERY_ONE = 1_000_000
 
@@ -56,7 +56,7 @@ def estimate(
     camera
         Its calibration. An image of another size than the calibration's gets the status `size_mismatch`
         unless `scale_calibration` says that it was resized, which has to show in its proportions. The same status
-        has an image that no camera of these numbers can have taken; see `circlepose.camera_doubts`.
+        has an image that no camera of these numbers can have taken; see `circlepose.camera.plausibility`.
     force_calibration
         Measure with the calibration although it looks wrong: only a size that differs is refused then, unless
         `scale_calibration` scales each axis to it.
@@ -69,7 +69,7 @@ def estimate(
         Place the edges anew along the rim that the lens model predicts. Without it the pose is that of the
         extracted contour.
     extraction
-        A name of `circlepose.extraction.EXTRACTIONS`: connected edges, or region borders that coincide with edges.
+        A name of `circlepose.detection.EXTRACTIONS`: connected edges, or region borders that coincide with edges.
     name
         Under which the image is reported.
 
@@ -84,13 +84,13 @@ def estimate(
         On misuse, naming the parameter: an array that is no image, a camera or target of another type, an unknown
         method, `fu-zhou` for a target of kind circle.
     """
-    arguments.instance_of(Camera, "camera", camera, arguments.HOW_CAMERA)
-    arguments.instance_of(Target, "target", target, arguments.HOW_TARGET)
-    arguments.one_of(("all", *METHODS), "method", method)
-    arguments.one_of(EXTRACTIONS, "extraction", extraction)
-    refine = arguments.truth("refine", refine)
-    scale_calibration = arguments.truth("scale_calibration", scale_calibration)
-    arguments.text("name", name)
+    _arguments.instance_of(Camera, "camera", camera, _arguments.HOW_CAMERA)
+    _arguments.instance_of(Target, "target", target, _arguments.HOW_TARGET)
+    _arguments.one_of(("all", *METHODS), "method", method)
+    _arguments.one_of(EXTRACTIONS, "extraction", extraction)
+    refine = _arguments.truth("refine", refine)
+    scale_calibration = _arguments.truth("scale_calibration", scale_calibration)
+    _arguments.text("name", name)
     methods = methods_for(target.kind, method)
     measured = to_grey(image)
     # Only the fit to the levels can do without pixels that have none.

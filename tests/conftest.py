@@ -1,11 +1,16 @@
 from __future__ import annotations
 
 import os
+import sys
 from pathlib import Path
 
-from circlepose_cli.threads import one_thread
+from circlepose_cli.console.blas_threads import one_thread
 
 one_thread()
+
+ROOT = Path(__file__).resolve().parent.parent
+# At the end, for `tests` and `benchmarks` alone: what is tested is the installed package.
+sys.path.append(str(ROOT))
 
 import pytest  # noqa: E402
 from hypothesis import settings  # noqa: E402
@@ -13,8 +18,6 @@ from hypothesis import settings  # noqa: E402
 # A machine under load is slow, and a law that holds must hold for the same examples at every run of CI.
 settings.register_profile("circlepose", deadline=None, derandomize="CI" in os.environ)
 settings.load_profile("circlepose")
-
-ROOT = Path(__file__).resolve().parent.parent
 
 
 @pytest.fixture(scope="session")

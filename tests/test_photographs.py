@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import circlepose
-from circlepose.files.images import read_image
-from circlepose.target import Target
-from scoring import Error, error, match, read_radius, read_truth
+from benchmarks.support.scoring import Error, error, match, read_radius, read_truth
+from circlepose.io.images.reader import read_image
+from circlepose.targets.target import Target
 
 
 def measure(folder: Path, target: Target, images: int | None = None) -> tuple[list[Error], int]:

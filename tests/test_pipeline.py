@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 import circlepose
-from cases import circle_case
-from circlepose.camera import Camera
-from circlepose.cone import plane_basis
+from benchmarks.support.scoring import TrueCircle, error
+from circlepose.camera.camera import Camera
 from circlepose.errors import ArgumentError
-from circlepose.pose import FLAG_MEANING, STATUS_MEANING, Flag, Status
+from circlepose.geometry.cone import plane_basis
+from circlepose.results import FLAG_MEANING, STATUS_MEANING, Flag, Status
 from circlepose.solvers import CIRCLE_METHODS
 from circlepose.synthesis.render import render
 from circlepose.synthesis.scene import Disc, Paint, Rings, Scene
-from circlepose.target import AxisIntervals, Target
-from scoring import TrueCircle, error
+from circlepose.targets.target import AxisIntervals, Target
+from tests.support.cases import circle_case
 
 CAMERA = Camera.create([[600.0, 0, 319.5], [0, 600.0, 239.5], [0, 0, 1]], (), (640, 480))
 BARREL = Camera.create([[600.0, 0, 319.5], [0, 600.0, 239.5], [0, 0, 1]], (-0.3, 0.1, 0.001, 0.001), (640, 480))

@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 
 import pytest
 
-from circlepose.compare import Tolerance, compare
-from circlepose.counterparts import PoseTable
-from circlepose.files.pose_table import read_pose_file
+from circlepose.evaluation.compare import Tolerance, compare
+from circlepose.evaluation.matching import PoseTable
+from circlepose.io.tables.reader import read_pose_file
 from circlepose_cli.app import main
 
 

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import IO, Self
 
 from circlepose.errors import OutputError, UsageError
-from circlepose.files.atomic import on_behalf, sync_folder_of
+from circlepose.io.atomic import on_behalf, sync_folder_of
 
 if sys.platform != "win32":
     import fcntl

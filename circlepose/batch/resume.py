@@ -12,15 +12,15 @@ from pathlib import Path
 from typing import TypeAlias
 
 from circlepose.batch.journal import Journal
-from circlepose.batch.local import MeasureOptions, WorkItem
-from circlepose.batch.states import with_states
+from circlepose.batch.measure import MeasureOptions, WorkItem
+from circlepose.batch.remote_states import with_states
 from circlepose.batch.versions import versions
-from circlepose.camera import Camera
+from circlepose.camera.camera import Camera
 from circlepose.errors import UsageError
-from circlepose.files.remote import RemoteFile
-from circlepose.files.stored_result import plain_result, restored_result
-from circlepose.pose import ImageResult, Status
-from circlepose.target import Target
+from circlepose.io.remote.images import RemoteFile
+from circlepose.io.tables.lossless import plain_result, restored_result
+from circlepose.results import ImageResult, Status
+from circlepose.targets.target import Target
 
 Measure: TypeAlias = Callable[[Iterable[WorkItem | ImageResult]], Generator[ImageResult, None, None]]
 

@@ -9,7 +9,7 @@ from importlib import metadata
 import cv2
 import numpy as np
 
-from circlepose import __version__
+from circlepose._version import __version__
 
 
 def versions() -> dict[str, str]:

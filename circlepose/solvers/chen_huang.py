@@ -20,7 +20,7 @@ from __future__ import annotations
 import numpy as np
 
 from circlepose._typing import FloatArray
-from circlepose.cone import PrincipalFrame
+from circlepose.geometry.cone import PrincipalFrame
 
 
 def poses_from_frame(frame: PrincipalFrame, radius: FloatArray | float) -> tuple[FloatArray, FloatArray]:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from circlepose._typing import FloatArray
-from circlepose.cone import PrincipalFrame
+from circlepose.geometry.cone import PrincipalFrame
 
 _ROUNDS = 40
 _SETTLED = 1e-13

@@ -19,13 +19,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from circlepose._numerics import cross
 from circlepose._typing import BoolArray, FloatArray, IntArray
-from circlepose.cone import PrincipalFrame, plane_basis
-from circlepose.conic import Ellipse, signed_distance
-from circlepose.fitting.consensus import local_scatter, on_one_ellipse
 from circlepose.fitting.direct import fit_ellipse
+from circlepose.fitting.ransac import local_scatter, on_one_ellipse
+from circlepose.geometry.cone import PrincipalFrame, plane_basis
+from circlepose.geometry.conic import Ellipse, signed_distance
 from circlepose.solvers.chord_refinement import refined_frame
-from circlepose.vectors import cross
 
 _WINDOW_SHARE = 0.1
 """Share of the contour around a point through which a low polynomial is laid."""

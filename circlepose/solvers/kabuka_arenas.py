@@ -16,8 +16,8 @@ from __future__ import annotations
 import numpy as np
 
 from circlepose._typing import FloatArray
-from circlepose.cone import plane_basis, principal_frame
-from circlepose.conic import Ellipse
+from circlepose.geometry.cone import plane_basis, principal_frame
+from circlepose.geometry.conic import Ellipse
 
 
 def poses_from_factor(factor: FloatArray, radius: float) -> tuple[FloatArray, FloatArray] | None:

@@ -14,8 +14,8 @@ from __future__ import annotations
 import numpy as np
 
 from circlepose._typing import FloatArray
-from circlepose.cone import principal_frame
 from circlepose.errors import ArgumentError
+from circlepose.geometry.cone import principal_frame
 
 _LEAST_SHARE = 1e3 * float(np.finfo(np.float64).eps)
 """Least eigenvalue, as a share of the largest, of which three digits are left."""

@@ -16,8 +16,8 @@ from typing import Literal
 import numpy as np
 
 from circlepose._typing import FloatArray
-from circlepose.cone import plane_basis
 from circlepose.errors import ArgumentError
+from circlepose.geometry.cone import plane_basis
 from circlepose.pipeline import estimate
 from circlepose.studies.nearness import angle_deg, nearest
 from circlepose.studies.published import GENERATRIX_MM, TABLES_1_AND_2

@@ -19,17 +19,17 @@ from typing import Literal
 import numpy as np
 from scipy.special import ndtri
 
+from circlepose._numerics import cross
 from circlepose._typing import FloatArray, frozen
-from circlepose.camera import Camera, circle_contour
-from circlepose.cone import PrincipalFrame, factor_from_circle, principal_frame
+from circlepose.camera.camera import Camera, circle_contour
 from circlepose.errors import ArgumentError
-from circlepose.fitting.viewing_cone import fit_cone
+from circlepose.fitting.cone_fit import fit_cone
+from circlepose.geometry.cone import PrincipalFrame, factor_from_circle, principal_frame
 from circlepose.solvers.chen_huang import poses_from_frame
 from circlepose.solvers.chords import chords_from_contour
 from circlepose.studies.nearness import angle_deg
 from circlepose.studies.published import NOISE, NOISE_REPEATS
 from circlepose.studies.scenes import CD_RADIUS_MM, cd_pose, chen_huang_camera
-from circlepose.vectors import cross
 
 Points = Literal["p, q, b, c", "whole contour", "chords found anew"]
 

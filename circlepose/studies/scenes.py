@@ -9,21 +9,10 @@ import math
 from typing import Literal
 
 from circlepose._typing import FloatArray, frozen
-from circlepose.camera import Camera
+from circlepose.camera.camera import Camera
 from circlepose.studies.published import GENERATRIX_MM, TABLE1, TABLES_1_AND_2
-from circlepose.synthesis.scene import (
-    Box,
-    CoaxialPart,
-    Disc,
-    Paint,
-    Patch,
-    Plane,
-    Rings,
-    Scene,
-    Shading,
-    Texture,
-)
-from circlepose.target import AxisIntervals, Target
+from circlepose.synthesis.scene import Box, CoaxialPart, Disc, Paint, Patch, Plane, Rings, Scene, Shading, Texture
+from circlepose.targets.target import AxisIntervals, Target
 
 CD_RADIUS_MM = 60.0
 _RINGS_MM = (50.0, 30.0)

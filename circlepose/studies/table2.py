@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from circlepose.pipeline import estimate
-from circlepose.pose import CircleResult
+from circlepose.results import CircleResult
 from circlepose.studies.nearness import angle_deg, triple
 from circlepose.studies.published import TABLES_1_AND_2, PrintedCandidate, PrintedScene, Triple
 from circlepose.studies.scenes import COAXIAL_TARGET, COPLANAR_TARGET, coaxial_scenes, coplanar_scenes

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from circlepose._typing import BoolArray, FloatArray, IntArray
-from circlepose.camera import Camera
+from circlepose.camera.camera import Camera
 from circlepose.synthesis.coverage import Cells, cells_of
 from circlepose.synthesis.layers import Part
 from circlepose.synthesis.regions import Region

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.special import ive
 
 from circlepose._typing import FloatArray, IntArray
-from circlepose.camera import Camera
+from circlepose.camera.camera import Camera
 
 _KERNEL_REACH = 5.5
 """Half-width of the blur kernel in sigmas: beyond it lie 4e-8 of the light."""

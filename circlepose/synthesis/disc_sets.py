@@ -8,9 +8,9 @@ from typing import Literal
 import numpy as np
 
 from circlepose._typing import FloatArray
-from circlepose.camera import Camera, circle_contour
-from circlepose.cone import plane_basis
+from circlepose.camera.camera import Camera, circle_contour
 from circlepose.errors import ArgumentError
+from circlepose.geometry.cone import plane_basis
 from circlepose.synthesis.scene import Disc, Paint, Scene
 
 RADIUS_MM = 60.0

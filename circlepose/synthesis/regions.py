@@ -13,8 +13,8 @@ from typing import Protocol
 import numpy as np
 
 from circlepose._typing import FloatArray
-from circlepose.camera import Camera, circle_contour
-from circlepose.cone import cone_from_circle
+from circlepose.camera.camera import Camera, circle_contour
+from circlepose.geometry.cone import cone_from_circle
 from circlepose.synthesis.coverage import Cells, half_plane_coverage, quadratic_coverage
 from circlepose.synthesis.distance import outline, signed_distance
 from circlepose.synthesis.scene import Circle, CoaxialPart, Patch, Plane, Polygon, Round, Shape

@@ -14,10 +14,10 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from circlepose._typing import FloatArray
-from circlepose.camera import Camera
+from circlepose.camera.camera import Camera
 from circlepose.errors import SceneError
 from circlepose.synthesis.surfaces import Box, Paint, Patch, Plane, Polygon, Round, Shape, Texture, check, placed
-from circlepose.target import Kind
+from circlepose.targets.target import Kind
 
 __all__ = [
     "Box",

@@ -9,8 +9,8 @@ from typing import Self, TypeAlias
 import numpy as np
 
 from circlepose._typing import FloatArray, frozen
-from circlepose.cone import plane_basis
 from circlepose.errors import SceneError
+from circlepose.geometry.cone import plane_basis
 
 
 @dataclass(frozen=True, slots=True)

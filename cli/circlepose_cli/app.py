@@ -15,20 +15,20 @@ from typing import Annotated
 
 import typer
 
-from circlepose import __version__
+from circlepose._version import __version__
 from circlepose.errors import CircleposeError
-from circlepose.files.names import printable, redacted
-from circlepose_cli import debugging
-from circlepose_cli.camera import camera
-from circlepose_cli.check import check
-from circlepose_cli.estimate import estimate
-from circlepose_cli.explain import explain
-from circlepose_cli.inspect import inspect
-from circlepose_cli.installation import broken_package
-from circlepose_cli.render import render
-from circlepose_cli.statuses import statuses
-from circlepose_cli.streams import standard_streams
-from circlepose_cli.study import study
+from circlepose.io.text.escaping import printable, redacted
+from circlepose_cli.commands.camera import camera
+from circlepose_cli.commands.check import check
+from circlepose_cli.commands.estimate import estimate
+from circlepose_cli.commands.explain import explain
+from circlepose_cli.commands.inspect import inspect
+from circlepose_cli.commands.render import render
+from circlepose_cli.commands.statuses import statuses
+from circlepose_cli.commands.study import study
+from circlepose_cli.console import debugging
+from circlepose_cli.console.installation import broken_package
+from circlepose_cli.console.streams import standard_streams
 
 BUG = 1
 ENVIRONMENT = 2

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 
-from circlepose_cli import interruption
+from circlepose_cli.console import interruption
 
 
 def main() -> int:
@@ -13,7 +13,7 @@ def main() -> int:
     try:
         from circlepose_cli.app import main as run  # noqa: PLC0415 - takes a tenth of a second
     except ImportError as error:
-        from circlepose_cli.installation import broken_package  # noqa: PLC0415 - rarely needed
+        from circlepose_cli.console.installation import broken_package  # noqa: PLC0415 - rarely needed
 
         message = broken_package(error)
         if message is None:

@@ -1,0 +1,1 @@
+"""The calibrated camera: lens models, projection, and what a calibration cannot mean."""

@@ -1,0 +1,1 @@
+"""From an image to edge chains and arcs."""

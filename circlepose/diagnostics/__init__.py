@@ -1,0 +1,1 @@
+"""What an image and its poses rest on: data, without drawing."""

@@ -1,0 +1,1 @@
+"""Tables of poses held against each other, or against the truth."""

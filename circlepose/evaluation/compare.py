@@ -1,0 +1,203 @@
+"""A table of poses against another, or against the truth: which circles moved, are missing or were not there."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from circlepose.errors import ArgumentError
+from circlepose.evaluation.matching import PoseTable, TabledCircle, TabledPose, pair_circles, with_common_names
+from circlepose.results import Status
+
+CandidateChoice = Literal["chosen", "best"]
+Change = Literal["missing", "extra", "status", "flipped", "moved"]
+CHANGE_MEANING: Mapping[Change, str] = {
+    "missing": "in the reference only",
+    "extra": "in the poses only",
+    "status": "failed in one of the two only, or for another reason",
+    "flipped": "the chosen candidate is outside tolerance, the other one is within",
+    "moved": "centre or normal are outside tolerance",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Tolerance:
+    """How far a pose may be from its reference; infinity leaves that part unchecked."""
+
+    position_mm: float = 0.5
+    normal_deg: float = 0.1
+
+    def __post_init__(self) -> None:
+        for name, unit in (("position_mm", "mm"), ("normal_deg", "degrees")):
+            value = getattr(self, name)
+            if not value >= 0.0:
+                raise ArgumentError(f"{name}: expected a tolerance of 0 or more {unit}, got {value:g}.")
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """One thing in which two tables disagree."""
+
+    image: str
+    instance: int | None
+    circle: str | None
+    method: str | None
+    change: Change
+    tolerances: float | None = None
+    """how many tolerances it moved: the larger of the two differences, each divided by its tolerance"""
+    position_difference_mm: float | None = None
+    orientation_difference_deg: float | None = None
+    status: str | None = None
+    """None where there is no row"""
+    reference_status: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """What came out of a comparison."""
+
+    compared: int
+    """circles found in both tables"""
+    differences: tuple[Difference, ...]
+    """the worst first: what is missing, extra or of another status, then by `tolerances`"""
+    largest_position_mm: float | None
+    """of all circles compared, within tolerance or not; None where nothing could be compared"""
+    largest_normal_deg: float | None
+    notes: tuple[str, ...] = ()
+    """how names were matched, where that was not as written"""
+
+
+@dataclass(frozen=True, slots=True)
+class _Distance:
+    """How far a pose is from its reference; None where either is unknown."""
+
+    position_mm: float | None
+    normal_deg: float | None
+    tolerances: float
+
+
+def compare(
+    measured: PoseTable,
+    reference: PoseTable,
+    tolerance: Tolerance,
+    candidate: CandidateChoice = "chosen",
+) -> Comparison:
+    """Compare each circle of `measured` with the chosen pose of its counterpart in `reference`.
+
+    Parameters
+    ----------
+    measured
+        A table of poses.
+    reference
+        Another one, or a truth. A truth holds for every method; if it shares no circle's name with `measured`,
+        circles are matched by their centres alone.
+    tolerance
+        What is beyond it is a difference; so is a circle that is missing, not in the reference, or of another
+        status.
+    candidate
+        `chosen` compares the chosen candidate. `best` compares that nearest to the reference: for lone circles,
+        whose ambiguity nothing in the image settles.
+    """
+    reference, notes = with_common_names(measured, reference)
+    paired = pair_circles(measured, reference)
+    distances = [_distance(circle, other, tolerance, candidate) for circle, other in paired.pairs]
+    differences = [
+        *(_named(other, "missing", measured.image_status.get(other.image), other.status) for other in paired.missing),
+        *(
+            _named(circle, "extra", circle.status, reference.image_status.get(circle.image))
+            for circle in paired.extra
+        ),
+    ]
+    for (circle, other), distance in zip(paired.pairs, distances, strict=True):
+        differences += _differences(circle, other, distance, tolerance)
+    differences += _of_images(measured, reference, {difference.image for difference in differences})
+    differences.sort(key=lambda each: -math.inf if each.tolerances is None else -each.tolerances)
+    known = [distance for distance in distances if distance is not None]
+    return Comparison(
+        compared=len(paired.pairs),
+        differences=tuple(differences),
+        largest_position_mm=_largest([distance.position_mm for distance in known]),
+        largest_normal_deg=_largest([distance.normal_deg for distance in known]),
+        notes=notes,
+    )
+
+
+def _distance(
+    circle: TabledCircle, other: TabledCircle, tolerance: Tolerance, candidate: CandidateChoice
+) -> _Distance | None:
+    """Return how far the circle's chosen, or best, candidate is from its reference's chosen one."""
+    if not circle.poses or not other.poses:
+        return None
+    poses = circle.poses if candidate == "best" else (circle.poses[circle.chosen],)
+    reference = other.poses[other.chosen]
+    return min((_between(pose, reference, tolerance) for pose in poses), key=lambda each: each.tolerances)
+
+
+def _between(pose: TabledPose, other: TabledPose, tolerance: Tolerance) -> _Distance:
+    position_mm = normal_deg = None
+    if pose.center_mm is not None and other.center_mm is not None:
+        position_mm = math.dist(pose.center_mm, other.center_mm)
+    if pose.normal is not None and other.normal is not None:
+        x, y, z = other.normal
+        # Unlike the arc cosine, exact for small angles.
+        half = math.atan2(math.dist(pose.normal, other.normal), math.dist(pose.normal, (-x, -y, -z)))
+        normal_deg = math.degrees(2.0 * half)
+    tolerances = max(_times(position_mm, tolerance.position_mm), _times(normal_deg, tolerance.normal_deg))
+    return _Distance(position_mm, normal_deg, tolerances)
+
+
+def _times(value: float | None, limit: float) -> float:
+    """Return how many limits a value is."""
+    if not value:
+        return 0.0
+    return value / limit if limit else math.inf
+
+
+def _differences(
+    circle: TabledCircle, other: TabledCircle, distance: _Distance | None, tolerance: Tolerance
+) -> Iterator[Difference]:
+    """Yield the difference of a pair, if there is one."""
+    if circle.status != other.status or bool(circle.poses) != bool(other.poses):
+        yield _named(circle, "status", circle.status, other.status)
+    elif distance is not None and distance.tolerances > 1.0:
+        best = _distance(circle, other, tolerance, "best")
+        flipped = best is not None and best.tolerances <= 1.0
+        yield _named(circle, "flipped" if flipped else "moved", circle.status, other.status, distance)
+
+
+def _of_images(measured: PoseTable, reference: PoseTable, told: Collection[str]) -> Iterator[Difference]:
+    """Yield images whose own rows differ, unless a difference of one of their circles tells of it already."""
+    ours, theirs = set(measured.images), set(reference.images)
+    for image in dict.fromkeys((*reference.image_status, *measured.image_status)):
+        status = measured.image_status.get(image, Status.OK if image in ours else None)
+        other = reference.image_status.get(image, Status.OK if image in theirs else None)
+        if status != other and image not in told:
+            change: Change = "missing" if status is None else "extra" if other is None else "status"
+            yield Difference(image, None, None, None, change, status=status, reference_status=other)
+
+
+def _named(
+    circle: TabledCircle,
+    change: Change,
+    status: str | None,
+    reference_status: str | None,
+    by: _Distance | None = None,
+) -> Difference:
+    return Difference(
+        image=circle.image,
+        instance=circle.instance,
+        circle=circle.circle,
+        method=circle.method,
+        change=change,
+        tolerances=None if by is None else by.tolerances,
+        position_difference_mm=None if by is None else by.position_mm,
+        orientation_difference_deg=None if by is None else by.normal_deg,
+        status=status,
+        reference_status=reference_status,
+    )
+
+
+def _largest(values: list[float | None]) -> float | None:
+    return max((value for value in values if value is not None), default=None)

@@ -1,0 +1,1 @@
+"""Exact geometry of circles, ellipses and viewing cones. NumPy only; no pixels, no camera."""

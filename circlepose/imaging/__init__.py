@@ -1,0 +1,1 @@
+"""From an image to samples of it: gray levels, halved sizes, edges to sub-pixel."""

@@ -1,0 +1,1 @@
+"""Calibration files to a camera: a module a form."""

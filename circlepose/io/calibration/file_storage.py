@@ -1,0 +1,130 @@
+"""The syntax of OpenCV's FileStorage: YAML 1.0 and 1.2, XML and JSON to plain values, and YAML text to write.
+
+Not read through cv2: its FileStorage raises on YAML of other tools and gives 0 for a key that is not there.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping
+from xml.etree import ElementTree
+
+from circlepose._arguments import shown
+from circlepose._typing import FloatArray
+from circlepose.errors import CalibrationError
+from circlepose.io.marks import COMMENT
+from circlepose.io.text.yaml import MatrixNode, parse_yaml
+
+_MATRIX_TYPES = ("opencv-matrix", "opencv-nd-matrix")
+_NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?\.(?i:inf)|\.(?i:nan)")
+# Strings are matched first, so that nothing inside one is touched; one without an end, so that none is sought again.
+_JSON_QUIRK = re.compile(r'("(?:\\(?s:.)|[^"\\])*(?:"|\\?\Z))|//[^\n]*|(-?)\.(Nan|Inf)\b|(\d\.)(?=[^\d])')
+
+
+def parse_storage(text: str, name: str) -> tuple[dict[str, object], bool]:
+    """Return the entries of a calibration file and whether its syntax is OpenCV's own.
+
+    Matrices come out as `MatrixNode`. Raises `CalibrationError` naming the file, where it can with the line.
+    """
+    start = text.lstrip()
+    if start.startswith("<"):
+        return _parse_xml(text, name), True
+    is_json = start.startswith("{")
+    entries = _parse_json(text, name) if is_json else parse_yaml(text, name, CalibrationError)
+    return entries, any(isinstance(value, MatrixNode) for value in entries.values())
+
+
+def storage_text(entries: Mapping[str, int | str | FloatArray]) -> str:
+    """Return FileStorage YAML text of whole numbers, plain words and matrices (n, m); floats keep every bit."""
+    lines = ["%YAML 1.2", "---", COMMENT]
+    for key, value in entries.items():
+        if isinstance(value, int | str):
+            lines.append(f"{key}: {value}")
+            continue
+        rows = [", ".join(repr(float(each)) for each in row) for row in value]
+        data = ",\n       ".join(row for row in rows if row)
+        lines += [
+            f"{key}: !!opencv-matrix",
+            f"   rows: {value.shape[0]}",
+            f"   cols: {value.shape[1]}",
+            "   dt: d",
+            f"   data: [ {data} ]" if data else "   data: []",
+        ]
+    return "\n".join(lines) + "\n"
+
+
+def _parse_json(text: str, name: str) -> dict[str, object]:
+    try:
+        document = json.loads(_JSON_QUIRK.sub(_plain_json, text), object_pairs_hook=_json_object)
+    except RecursionError:
+        raise CalibrationError(f"{name}: is nested too deeply to be meant.") from None
+    except json.JSONDecodeError:
+        # One line of YAML may begin with a brace, too; what is neither is told as YAML, with its line.
+        return parse_yaml(text, name, CalibrationError)
+    except ValueError as reason:
+        raise CalibrationError(f"{name}: {reason}.") from None
+    return {str(key): value for key, value in document.items()}
+
+
+def _plain_json(match: re.Match[str]) -> str:
+    """Return JSON that Python reads for what OpenCV writes: comments, .Nan, .Inf and numbers like `1.`."""
+    string, sign, word, number = match.groups()
+    if string is not None:
+        return string
+    if word is not None:
+        return "NaN" if word == "Nan" else f"{sign}Infinity"
+    return f"{number}0" if number is not None else ""
+
+
+def _json_object(pairs: list[tuple[str, object]]) -> dict[str, object]:
+    entries: dict[str, object] = {}
+    for key, value in pairs:
+        if key in entries:
+            raise ValueError(f"the key {shown(key)} is given twice")
+        entries[key] = value
+    return MatrixNode(entries) if entries.get("type_id") in _MATRIX_TYPES else entries
+
+
+def _parse_xml(text: str, name: str) -> dict[str, object]:
+    if "<!DOCTYPE" in text or "<!ENTITY" in text:
+        raise CalibrationError(f"{name}: declares a document type or entities, which are not read; remove them.")
+    try:
+        root = ElementTree.fromstring(text)
+        if root.tag != "opencv_storage":
+            raise CalibrationError(
+                f"{name}: is XML of another kind (<{root.tag}>); expected OpenCV's <opencv_storage>."
+            )
+        value = _xml_value(root)
+    except ElementTree.ParseError as reason:
+        raise CalibrationError(f"{name}: is not valid XML ({reason}).") from None
+    except RecursionError:
+        raise CalibrationError(f"{name}: is nested too deeply to be meant.") from None
+    except ValueError as reason:
+        raise CalibrationError(f"{name}: {reason}.") from None
+    if not isinstance(value, dict):
+        raise CalibrationError(f"{name}: <opencv_storage> holds no keys.")
+    return value
+
+
+def _xml_value(node: ElementTree.Element) -> object:
+    if len(node) == 0:
+        return _xml_scalars(node.text or "", is_list=node.tag == "data")
+    if all(child.tag == "_" for child in node):
+        return [_xml_value(child) for child in node]
+    entries = _json_object([(child.tag, _xml_value(child)) for child in node])
+    return MatrixNode(entries) if node.get("type_id") in _MATRIX_TYPES else entries
+
+
+def _xml_scalars(text: str, *, is_list: bool) -> object:
+    words = text.split()
+    if text.strip().startswith('"') or not all(_NUMBER.fullmatch(word) for word in words):
+        return text.strip().strip('"')
+    numbers = [_scalar(word) for word in words]
+    return numbers if is_list or len(numbers) != 1 else numbers[0]
+
+
+def _scalar(word: str) -> int | float:
+    if word.lstrip("+-").isdigit():
+        return int(word)
+    return float(word.lower().replace(".inf", "inf").replace(".nan", "nan"))

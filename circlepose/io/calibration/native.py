@@ -1,0 +1,70 @@
+"""Our own calibration YAML: short enough to be typed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from circlepose.camera.camera import LENS_MODELS, Camera, LensModel
+from circlepose.errors import CalibrationError
+from circlepose.io.calibration import numbers
+from circlepose.io.text.validation import Strict, parse
+
+NAME = "circlepose"
+
+_Row = Annotated[list[float], Field(min_length=3, max_length=3)]
+
+
+class _CameraForm(Strict):
+    model: LensModel = Field("pinhole", description=f"one of {', '.join(LENS_MODELS)}")
+    camera_matrix: Annotated[list[_Row], Field(min_length=3, max_length=3)] | None = Field(
+        None, description="3 rows of 3 finite numbers in px, such as [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]"
+    )
+    fx: float | None = Field(None, description="one finite number, the focal length along x in px")
+    fy: float | None = Field(None, description="one finite number, the focal length along y in px")
+    cx: float | None = Field(None, description="one finite number, the principal point's x in px")
+    cy: float | None = Field(None, description="one finite number, the principal point's y in px")
+    dist_coeffs: list[float] = Field([], description="a list of finite numbers in OpenCV's order, or []")
+    image_size: Annotated[list[int], Field(min_length=2, max_length=2)] | None = Field(
+        None, description="[width, height], two whole numbers of px"
+    )
+    focal_sigma_px: float = Field(0.0, description="one finite number, the standard deviation of fx and fy in px")
+    center_sigma_px: float = Field(0.0, description="one finite number, the standard deviation of cx and cy in px")
+    target: dict[str, Any] | None = Field(None, description="a mapping that describes the target")
+
+
+KEYS = tuple(_CameraForm.model_fields)
+_SHARED_KEYS = ("camera_matrix", "target")
+
+
+def recognises(entries: Mapping[str, object]) -> bool:
+    """Whether the entries have a key that is ours alone, or none that is not ours."""
+    return any(key in entries for key in KEYS if key not in _SHARED_KEYS) or set(entries) <= set(KEYS)
+
+
+def read(entries: Mapping[str, object], where: str, camera_name: str | None) -> tuple[Camera, tuple[str, ...]]:
+    """Return the camera of our own form; it holds one camera, which has no name."""
+    if camera_name is not None:
+        raise CalibrationError(f"{where}: holds one camera, without a name; leave out the name {camera_name!r}.")
+    form = parse(_CameraForm, entries, where, CalibrationError)
+    size = None
+    if form.image_size is not None:
+        size = numbers.image_size(form.image_size[0], form.image_size[1], where, "image_size")
+    matrix_key, matrix = _matrix(form, where)
+    camera = numbers.build_camera(where, (matrix_key, matrix), ("dist_coeffs", form.dist_coeffs), size, form.model)
+    return numbers.with_sigma(camera, where, form.focal_sigma_px, form.center_sigma_px), ()
+
+
+def _matrix(form: _CameraForm, where: str) -> tuple[str, list[list[float]]]:
+    parts = {"fx": form.fx, "fy": form.fy, "cx": form.cx, "cy": form.cy}
+    given = [key for key, value in parts.items() if value is not None]
+    if form.camera_matrix is not None:
+        if given:
+            raise CalibrationError(f"{where}: {given[0]}: give either camera_matrix or fx, fy, cx, cy, not both.")
+        return "camera_matrix", form.camera_matrix
+    if form.fx is None or form.fy is None or form.cx is None or form.cy is None:
+        missing = ", ".join(key for key in parts if key not in given)
+        raise CalibrationError(f"{where}: {missing}: missing; give camera_matrix, or all of fx, fy, cx, cy in px.")
+    return "fx, fy", [[form.fx, 0.0, form.cx], [0.0, form.fy, form.cy], [0.0, 0.0, 1.0]]

@@ -1,0 +1,164 @@
+"""Calibration files -> `Camera`, whatever tool wrote them; the form is told by the content, not by the name.
+
+All these forms share OpenCV's convention: an integer pixel coordinate is a pixel's centre.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from circlepose._arguments import shown
+from circlepose._typing import FloatArray
+from circlepose.camera.camera import EXACT, Camera
+from circlepose.camera.plausibility import Doubt, doubts, reprojection_doubts
+from circlepose.errors import CalibrationError
+from circlepose.io.atomic import atomic_writer
+from circlepose.io.calibration import kalibr, native, opencv, ros
+from circlepose.io.calibration.file_storage import parse_storage, storage_text
+from circlepose.io.text.source import Source, read_source
+from circlepose.io.text.validation import some_keys
+
+_Entries = Mapping[str, object]
+_Reader = Callable[[_Entries, str, str | None], tuple[Camera, tuple[str, ...]]]
+
+
+class _Form(NamedTuple):
+    name: str
+    recognises: Callable[[_Entries], bool]
+    read: _Reader
+
+
+_OPENCV = _Form(opencv.NAME, opencv.recognises, opencv.read)
+_KALIBR = _Form(kalibr.NAME, kalibr.recognises, kalibr.read)
+_ROS = _Form(ros.NAME, ros.recognises, ros.read)
+_OWN = _Form(native.NAME, native.recognises, native.read)
+
+
+# As compared: in lower case without separators.
+_KEYS = {
+    "camera_matrix": re.compile(r"(?:camera|intrinsic)?matrix.*|intrinsics?|mtx|[km][0-9]?|fx"),
+    "dist_coeffs": re.compile(r"dist(?:ortion)?coeff?(?:icient)?s?.*|d[0-9]?"),
+}
+_REPROJECTION_ERROR = re.compile(
+    r"(?:avg|mean|rms|total)?reproj(?:ection)?(?:err(?:or)?|rms)(?:px)?|rms(?:err(?:or)?)?(?:px)?|avgerr(?:or)?"
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CameraFile:
+    """A camera and where it came from."""
+
+    camera: Camera
+    form: str
+    """OpenCV FileStorage, ROS camera_info, Kalibr camchain or circlepose"""
+    path: Path
+    target: Mapping[str, object] | None = None
+    """the file's `target:` as it stands, for `target_file.target_from_mapping`"""
+    notes: tuple[str, ...] = ()
+    """remarks for a person: what was chosen, what is missing"""
+    doubts: tuple[Doubt, ...] = ()
+    """what looks wrong, the grave first"""
+
+    def refuse_grave(self, insist: str = "set force_calibration") -> None:
+        """Raise `CalibrationError` on what no camera has: file, key, what it looks like and how to `insist`."""
+        for doubt in self.doubts:
+            if doubt.is_grave:
+                raise CalibrationError(
+                    f"{self.path}: {doubt.about}: {doubt.text}. To measure with it all the same, {insist}."
+                )
+
+
+def read_camera(source: Source) -> Camera:
+    """Read the camera of a calibration file; see `read_camera_file`."""
+    return read_camera_file(source).camera
+
+
+def read_camera_file(source: Source, camera_name: str | None = None) -> CameraFile:
+    """Read a calibration file of any supported form (a path, bytes or an open handle).
+
+    Parameters
+    ----------
+    source
+        OpenCV FileStorage (YAML 1.0 or 1.2, XML, JSON), ROS camera_info, Kalibr camchain or our own YAML.
+    camera_name
+        Which camera to take from a file of several (`cam1`, `M2`); by default the first.
+
+    Raises
+    ------
+    CalibrationError
+        One sentence: the file, the key, what is expected and what to do.
+    """
+    text, name = read_source(source, CalibrationError)
+    entries, is_opencv = parse_storage(text, name)
+    target = entries.get("target")
+    if target is not None and not isinstance(target, Mapping):
+        raise CalibrationError(f"{name}: target: expected a mapping such as {{radius_mm: 60}}, got {shown(target)}.")
+    form = _form(entries, name, is_opencv)
+    camera, notes = form.read(entries, name, camera_name)
+    found = sorted(_doubts(camera, entries, camera_name), key=lambda doubt: not doubt.is_grave)
+    return CameraFile(camera, form.name, Path(name), target, notes, tuple(found))
+
+
+def write_camera(camera: Camera, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+    """Write `camera` as OpenCV FileStorage YAML, every float to the last bit; raises `OutputError`."""
+    entries: dict[str, int | str | FloatArray] = {}
+    if camera.image_size is not None:
+        entries = {"image_width": camera.image_size[0], "image_height": camera.image_size[1]}
+    sigma = camera.sigma
+    if sigma != EXACT:
+        entries["camera_matrix_std_dev"] = np.array([[sigma.focal_px] * 2 + [sigma.center_px] * 2]).T
+    text = storage_text(
+        {
+            **entries,
+            "fisheye_model": int(camera.model == "fisheye"),
+            "camera_matrix": camera.camera_matrix,
+            "distortion_coefficients": camera.dist_coeffs[None, :],
+        }
+    )
+    with atomic_writer(path, overwrite=overwrite) as handle:
+        handle.write(text)
+
+
+def _form(entries: _Entries, name: str, is_opencv: bool) -> _Form:
+    # An OpenCV file may lack its camera matrix, and says so best; the keys of our form with lists in place of
+    # matrices are ours, other names for them (K, cameraMatrix) are read as OpenCV's.
+    candidates = (_KALIBR, _ROS, _OPENCV) if is_opencv else (_KALIBR, _ROS, _OWN, _OPENCV)
+    for form in candidates:
+        if form.recognises(entries) or (is_opencv and form is _OPENCV):
+            return form
+    raise CalibrationError(
+        f"{name}: is no calibration of a known form (OpenCV, ROS camera_info, Kalibr, circlepose); expected "
+        f"camera_matrix, or fx, fy, cx, cy; found {some_keys(entries)}."
+    )
+
+
+def _doubts(camera: Camera, entries: _Entries, camera_name: str | None) -> Iterator[Doubt]:
+    """Yield what looks wrong, under the keys that the file has for it."""
+    for key, value in entries.items():
+        if isinstance(value, int | float) and _REPROJECTION_ERROR.fullmatch(_plain(key)):
+            yield from (replace(doubt, about=key) for doubt in reprojection_doubts(float(value), camera))
+    for doubt in doubts(camera):
+        yield replace(doubt, about=_own_key(entries, doubt.about, camera_name))
+
+
+def _own_key(entries: _Entries, about: str, camera_name: str | None) -> str:
+    """Return how the file calls a value, of several cameras that of the one which was asked for."""
+    pattern = _KEYS.get(about)
+    if pattern is None:
+        return about
+    inner = [(group, key) for group, value in entries.items() if isinstance(value, Mapping) for key in value]
+    keys = [key for key in entries if pattern.fullmatch(_plain(key))]
+    keys += [f"{group}.{key}" for group, key in inner if pattern.fullmatch(_plain(str(key)))]
+    asked = [key for key in keys if camera_name is not None and camera_name.lower() in key.lower()]
+    return next(iter((*asked, *keys)), about)
+
+
+def _plain(key: str) -> str:
+    return re.sub(r"[\W_]", "", key).lower()

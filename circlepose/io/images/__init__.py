@@ -1,0 +1,1 @@
+"""Image files to arrays, or a status that says why not."""

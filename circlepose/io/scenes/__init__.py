@@ -1,0 +1,1 @@
+"""Scene files, and the folders that are rendered from them."""

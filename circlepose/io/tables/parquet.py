@@ -1,0 +1,54 @@
+"""The `poses` layout as Parquet. Needs pyarrow, which comes with the extra `tables`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from importlib.util import find_spec
+from itertools import chain, islice
+from typing import Any, BinaryIO
+
+from circlepose.errors import UsageError
+from circlepose.io.tables.columns import COLUMNS, pose_rows
+from circlepose.io.tables.json_records import POSES_SCHEMA
+from circlepose.io.text.escaping import quoted
+from circlepose.results import ImageResult
+
+_TEXTS = {"image", "circle", "method", "status", "cone", "flags", "settled_by"}
+_WHOLE_NUMBERS = {"instance", "solution"}
+_BATCH_ROWS = 10_000
+
+
+def require_parquet() -> None:
+    """Raise `UsageError` unless pyarrow is installed."""
+    if find_spec("pyarrow") is None:
+        raise UsageError("Parquet needs pyarrow, which is not installed; run: pip install 'circlepose[tables]'")
+
+
+def write_parquet(results: Iterable[ImageResult], handle: BinaryIO) -> None:
+    """Write the rows of all `results` with typed columns; null where a table of text has an empty cell."""
+    require_parquet()
+    import pyarrow  # noqa: PLC0415 - an extra
+    from pyarrow import parquet  # noqa: PLC0415
+
+    fields = [(name, _kind(name, pyarrow)) for name in COLUMNS]
+    schema = pyarrow.schema(fields, metadata={"schema": POSES_SCHEMA})
+    rows = chain.from_iterable(map(pose_rows, results))
+    with parquet.ParquetWriter(handle, schema) as writer:
+        while batch := list(islice(rows, _BATCH_ROWS)):
+            columns = {name: [_value(row.get(name)) for row in batch] for name in COLUMNS}
+            writer.write_table(pyarrow.table(columns, schema=schema))
+
+
+def _kind(name: str, pyarrow: Any) -> Any:
+    if name in _TEXTS:
+        return pyarrow.string()
+    if name in _WHOLE_NUMBERS:
+        return pyarrow.int32()
+    return pyarrow.bool_() if name == "chosen" else pyarrow.float64()
+
+
+def _value(value: object) -> object:
+    if isinstance(value, str):
+        return quoted(str(value))
+    return None if isinstance(value, float) and math.isnan(value) else value

@@ -1,0 +1,208 @@
+"""Target descriptions: a YAML mapping <-> `Target`."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Literal
+
+import yaml
+from pydantic import Field
+
+from circlepose._arguments import shown
+from circlepose.errors import TargetError, UsageError
+from circlepose.io.atomic import atomic_writer
+from circlepose.io.marks import COMMENT
+from circlepose.io.text.source import Source, read_source
+from circlepose.io.text.validation import Strict, parse
+from circlepose.io.text.yaml import parse_yaml
+from circlepose.targets.hints import NORMAL_SPREAD_DEG, SIDES, UP_SPREAD_DEG, Direction, DirectionHint, Side
+from circlepose.targets.target import KINDS, POLARITIES, AxisIntervals, Kind, Polarity, Target
+
+_Triple = Annotated[list[float], Field(min_length=3, max_length=3)]
+_DIRECTION = "a direction [x, y, z] in the camera frame (x right, y down, z forward)"
+_Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
+_AXIS = "[shortest, longest] full length of that axis in px"
+_IN_RADIUS_MM = {
+    "diameter_mm": 0.5,
+    "radius_cm": 10.0,
+    "diameter_cm": 5.0,
+    "radius_m": 1000.0,
+    "diameter_m": 500.0,
+}
+_UNIT_UNSAID = ("radius", "radii", "r", "diameter", "d", "size")
+
+
+class _AxisIntervals(Strict):
+    major: _Pair | None = Field(None, description=_AXIS)
+    minor: _Pair | None = Field(None, description=_AXIS)
+
+
+class _DirectionHint(Strict):
+    direction: _Triple = Field(description=_DIRECTION)
+    spread_deg: float | None = Field(None, description="a positive angle in degrees")
+
+
+class _TargetForm(Strict):
+    kind: Kind | None = Field(None, description=f"one of {', '.join(KINDS)}")
+    radius_mm: float | None = Field(None, description="one number, the radius (not the diameter) in mm")
+    radii_mm: list[float] | None = Field(
+        None, description="a list of radii in mm, the largest first, such as [50, 30]"
+    )
+    generatrix_mm: float | None = Field(None, description="one number, the length from rim to rim in mm")
+    height_mm: float | None = Field(None, description="one number, the distance of the two circles' planes in mm")
+    count: int | Literal["all"] = Field(1, description="a whole number of at least 1, or `all`")
+    polarity: Polarity = Field("any", description=f"one of {', '.join(POLARITIES)}")
+    axis_intervals_px: _AxisIntervals | None = Field(None, description="a mapping with the keys major and minor")
+    depth_range_mm: _Pair | None = Field(None, description="[nearest, farthest] distance in mm")
+    coplanar: bool = Field(False, description="true or false")
+    normal_hint: _DirectionHint | None = Field(None, description=f"a mapping with direction: {_DIRECTION}")
+    up_hint: _DirectionHint | None = Field(None, description=f"a mapping with direction: {_DIRECTION}")
+    facing: Side | _Triple | None = Field(None, description=f"{', '.join(SIDES)}, or {_DIRECTION}")
+    radius_sigma_mm: float = Field(0.0, description="one number, the standard deviation of the radius in mm")
+    flatness_sigma_mm: float | None = Field(
+        None, description="one number, the standard deviation in mm of the height between the circles' planes"
+    )
+
+
+def read_target(source: Source) -> Target:
+    """Read a target description from a YAML file (a path, bytes or an open handle).
+
+    Raises `TargetError` that names the file, the key and what is expected.
+    """
+    text, name = read_source(source, TargetError)
+    return target_from_mapping(parse_yaml(text, name, TargetError), name)
+
+
+def target_from_mapping(mapping: Mapping[str, object], where: str) -> Target:
+    """Return the target that a mapping describes; `where` (a file, or a key in it) begins every message.
+
+    Keys: `kind`, `radius_mm` or `radii_mm`, `generatrix_mm` or `height_mm`, `count`, `polarity`,
+    `axis_intervals_px`, `depth_range_mm`, `coplanar`, `normal_hint`, `up_hint`, `facing`,
+    `radius_sigma_mm`, `flatness_sigma_mm`. Raises `TargetError`.
+    """
+    _check_units(mapping, where)
+    form = parse(_TargetForm, mapping, where, TargetError)
+    kind = _kind(form, where)
+    radii = (form.radius_mm,) if form.radius_mm is not None else tuple(form.radii_mm or ())
+    axes = form.axis_intervals_px
+    try:
+        return Target(
+            kind=kind,
+            radii_mm=radii,
+            generatrix_mm=_generatrix(form, radii),
+            count=None if form.count == "all" else form.count,
+            polarity=form.polarity,
+            axis_intervals=None if axes is None else AxisIntervals(_pair(axes.major), _pair(axes.minor)),
+            depth_range_mm=_pair(form.depth_range_mm),
+            coplanar=form.coplanar,
+            normal_hint=_hint(form.normal_hint, NORMAL_SPREAD_DEG),
+            up_hint=_hint(form.up_hint, UP_SPREAD_DEG),
+            facing=_triple(form.facing) if isinstance(form.facing, list) else form.facing,
+            radius_sigma_mm=form.radius_sigma_mm,
+            flatness_sigma_mm=form.flatness_sigma_mm,
+        )
+    except TargetError as reason:
+        raise TargetError(f"{where}: {reason}") from None
+
+
+def target_to_mapping(target: Target) -> dict[str, object]:
+    """Return the mapping from which `target_from_mapping` builds an equal target."""
+    mapping: dict[str, object] = {"kind": target.kind}
+    if target.kind == "circle":
+        mapping["radius_mm"] = target.radii_mm[0]
+    else:
+        mapping["radii_mm"] = list(target.radii_mm)
+    if target.generatrix_mm is not None:
+        mapping["generatrix_mm"] = target.generatrix_mm
+    mapping["count"] = "all" if target.count is None else target.count
+    mapping["polarity"] = target.polarity
+    if target.axis_intervals is not None:
+        axes = {"major": target.axis_intervals.major_px, "minor": target.axis_intervals.minor_px}
+        mapping["axis_intervals_px"] = {name: list(pair) for name, pair in axes.items() if pair is not None}
+    if target.depth_range_mm is not None:
+        mapping["depth_range_mm"] = list(target.depth_range_mm)
+    if target.coplanar:
+        mapping["coplanar"] = True
+    for key, hint in (("normal_hint", target.normal_hint), ("up_hint", target.up_hint)):
+        if hint is not None:
+            mapping[key] = {"direction": list(hint.direction), "spread_deg": hint.spread_deg}
+    if target.facing is not None:
+        mapping["facing"] = target.facing if isinstance(target.facing, str) else list(target.facing)
+    if target.radius_sigma_mm:
+        mapping["radius_sigma_mm"] = target.radius_sigma_mm
+    if target.flatness_sigma_mm is not None:
+        mapping["flatness_sigma_mm"] = target.flatness_sigma_mm
+    return mapping
+
+
+def write_target(target: Target, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+    """Write `target` as YAML that `read_target` reads back as it was; raises `OutputError`."""
+    with atomic_writer(path, overwrite=overwrite) as handle:
+        handle.write(f"{COMMENT}\n")
+        yaml.safe_dump(target_to_mapping(target), handle, sort_keys=False, default_flow_style=None)
+
+
+def find_beside(folder: Path, stem: str) -> Path | None:
+    """Return `{stem}.yaml` or `{stem}.yml` in `folder` if one is there; raises `UsageError` if both are."""
+    found = [path for path in (folder / f"{stem}.yaml", folder / f"{stem}.yml") if os.path.isfile(path)]  # noqa: PTH113
+    if len(found) > 1:
+        raise UsageError(f"{folder}: holds both {found[0].name} and {found[1].name}; remove one of them.")
+    return found[0] if found else None
+
+
+def _check_units(mapping: Mapping[str, object], where: str) -> None:
+    """Refuse lengths whose name says another unit, or none, and say what to write instead."""
+    for key, value in mapping.items():
+        factor = _IN_RADIUS_MM.get(key.lower())
+        if factor is not None and isinstance(value, int | float) and not isinstance(value, bool):
+            raise TargetError(f"{where}: {key}: the file takes a radius in mm; write radius_mm: {value * factor:g}.")
+        if factor is not None or key.lower() in _UNIT_UNSAID:
+            raise TargetError(
+                f"{where}: {key}: does not say its unit; write radius_mm (a radius, not a diameter, in mm) "
+                f"or radii_mm, such as radius_mm: 60."
+            )
+
+
+def _kind(form: _TargetForm, where: str) -> Kind:
+    if form.radius_mm is not None and form.radii_mm is not None:
+        raise TargetError(f"{where}: radius_mm, radii_mm: give one of them, not both.")
+    if form.generatrix_mm is not None and form.height_mm is not None:
+        raise TargetError(f"{where}: generatrix_mm, height_mm: give one of them, not both.")
+    kind = form.kind or ("circle" if form.radii_mm is None else None)
+    if kind is None:
+        raise TargetError(f"{where}: kind: is missing; radii_mm goes with kind: coplanar or kind: coaxial.")
+    if kind == "circle" and form.radius_mm is None:
+        raise TargetError(f"{where}: radius_mm: is missing; a circle needs its radius in mm, such as radius_mm: 60.")
+    if kind != "circle" and form.radii_mm is None:
+        raise TargetError(
+            f"{where}: radii_mm: is missing; a {kind} target needs its radii in mm, such as radii_mm: [50, 30]."
+        )
+    if form.height_mm is not None and not (kind == "coaxial" and form.height_mm > 0.0):
+        raise TargetError(
+            f"{where}: height_mm: expected a positive height in mm of a coaxial target, "
+            f"got {shown(form.height_mm)} for kind {kind}."
+        )
+    return kind
+
+
+def _generatrix(form: _TargetForm, radii: tuple[float, ...]) -> float | None:
+    if form.height_mm is None or len(radii) != 2:
+        return form.generatrix_mm
+    return math.hypot(form.height_mm, radii[0] - radii[1])
+
+
+def _pair(values: list[float] | None) -> tuple[float, float] | None:
+    return None if values is None else (values[0], values[1])
+
+
+def _triple(values: list[float]) -> Direction:
+    return values[0], values[1], values[2]
+
+
+def _hint(form: _DirectionHint | None, spread_deg: float) -> DirectionHint | None:
+    if form is None:
+        return None
+    return DirectionHint(_triple(form.direction), spread_deg if form.spread_deg is None else form.spread_deg)

@@ -1,0 +1,84 @@
+"""Checked forms of our own files: pydantic finds what is wrong, one sentence says it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from difflib import get_close_matches
+from typing import TypeVar, get_args
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic_core import ErrorDetails
+
+from circlepose._arguments import shown
+from circlepose.errors import CircleposeError
+
+
+class Strict(BaseModel):
+    """A form whose every key is known and whose numbers are finite numbers.
+
+    The `description` of each field completes the sentence "expected ...".
+    """
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+
+Form = TypeVar("Form", bound=Strict)
+
+
+def parse(form: type[Form], entries: Mapping[str, object], where: str, error: type[CircleposeError]) -> Form:
+    """Return `entries` as a `form`; raises `error` that names `where`, the key and what is expected there."""
+    empty = [key for key, value in entries.items() if value is None and key in form.model_fields]
+    if empty:
+        raise error(f"{where}: {empty[0]}: has no value; expected {_expected(form, empty[0])}.")
+    try:
+        return form.model_validate(dict(entries))
+    except ValidationError as reason:
+        # A key that is not known explains one that is missing, so it is told first.
+        errors = sorted(reason.errors(), key=lambda each: each["type"] != "extra_forbidden")
+        raise error(f"{where}: {_sentence(form, entries, errors[0])}") from None
+
+
+def unknown_key(key: str, known: Iterable[str]) -> str:
+    """Return the end of a sentence on a key that is not known: a near one, or all of them."""
+    names = list(known)
+    near = get_close_matches(key.lower(), names, n=1, cutoff=0.7)
+    hint = f"did you mean {near[0]}?" if near else f"the keys are {', '.join(names)}."
+    return f"{some_keys([key])}: is no known key; {hint}"
+
+
+def brief(text: str) -> str:
+    """Return a text found in a file, or the beginning of a long one, for a message."""
+    return text if len(text) <= 200 else f"{text[:200]}..."
+
+
+def some_keys(entries: Iterable[str]) -> str:
+    """Return the first of the keys found in a file, for a message."""
+    keys = list(entries)
+    return ", ".join([key if len(key) <= 40 else f"{key[:40]}..." for key in keys[:12]] + ["..."] * (len(keys) > 12))
+
+
+def _sentence(form: type[Strict], entries: Mapping[str, object], detail: ErrorDetails) -> str:
+    fields: list[str] = []
+    value: object = entries
+    level: type[Strict] | None = form
+    for part in detail["loc"]:
+        if not (isinstance(part, str) and isinstance(value, Mapping) and level is not None):
+            break
+        if part not in level.model_fields:
+            return ".".join([*fields, unknown_key(part, level.model_fields)])
+        expected = _expected(level, part)
+        value, level = value.get(part), _nested(level, part)
+        fields.append(part)
+    return f"{'.'.join(fields)}: expected {expected}, got {shown(value)}."
+
+
+def _expected(form: type[Strict], key: str) -> str:
+    return str(form.model_fields[key].description)
+
+
+def _nested(form: type[Strict], key: str) -> type[Strict] | None:
+    annotation = form.model_fields[key].annotation
+    for option in (annotation, *get_args(annotation)):
+        if isinstance(option, type) and issubclass(option, Strict):
+            return option
+    return None

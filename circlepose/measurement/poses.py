@@ -1,0 +1,212 @@
+"""A measured rim -> results: the candidate poses of each method, their imaged centres, flags."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from circlepose._typing import FloatArray
+from circlepose.camera.camera import Camera
+from circlepose.geometry.cone import ConeKind, PrincipalFrame, principal_frame
+from circlepose.geometry.cone_perturbation import MODES
+from circlepose.measurement.edge_fit import Rim
+from circlepose.results import Candidate, CircleResult, Flag, Status
+from circlepose.solvers.registry import Solutions, solve, solve_chen_huang
+from circlepose.uncertainty.pose_covariance import pose_covariances, segment_covariance
+
+_SIGMAS = 3.0
+"""Standard errors by which two semi-axes must differ, or one from 0, to be told apart."""
+_SEGMENT_PX = 0.35
+"""Semi-minor axis below which levels cannot tell a thin disc of high contrast from a thicker one of low contrast."""
+_NEAR_RIGHT = 8.0
+"""The tilt is ill-determined while the semi-axes differ by less than so many standard errors."""
+_SLIVER_PX = 2.0
+_POOR_FIT_PX = 0.35
+_FULL_RIM = 0.9
+_ORDER = (
+    Flag.AMBIGUOUS,
+    Flag.NEAR_RIGHT,
+    Flag.NEAR_DEGENERATE,
+    Flag.POOR_FIT,
+    Flag.CHORD_MENDED,
+    Flag.PARTIAL_RIM,
+    Flag.EDGES_ONLY,
+)
+
+
+def circle_results(
+    rim: Rim,
+    camera: Camera,
+    methods: tuple[str, ...],
+    radius_mm: float,
+    instance: int,
+    circle: str,
+    *,
+    chen_huang: Solutions | None = None,
+) -> list[CircleResult]:
+    """Return a result for each method, the candidates of a lone circle: nothing says yet which is right.
+
+    `chen_huang` are the solutions by that method of the rim's settled factor, where they are known already.
+    """
+    known = None if chen_huang is None else [chen_huang]
+    return results_of_rims([rim], camera, methods, radius_mm, [instance], circle, chen_huang=known)
+
+
+def results_of_rims(
+    rims: Sequence[Rim],
+    camera: Camera,
+    methods: tuple[str, ...],
+    radius_mm: float,
+    instances: Sequence[int],
+    circle: str,
+    *,
+    chen_huang: Sequence[Solutions] | None = None,
+) -> list[CircleResult]:
+    """As `circle_results`, for many rims at once, each an instance of its own."""
+    if not rims:
+        return []
+    measured = np.stack([rim.cone.factor for rim in rims])
+    frames = principal_frame(measured)
+    factors = _settled_factors(rims, frames)
+    settled = frames if np.array_equal(factors, measured) else principal_frame(factors)
+    known = chen_huang or solve_chen_huang(settled, radius_mm)
+    covariances = _covariances(rims, camera, frames, factors, known, radius_mm)
+    imaged = camera.project(np.concatenate([solutions.centers for solutions in known]))
+    starts = np.cumsum([0, *(len(solutions.centers) for solutions in known)])
+    results = []
+    for k, rim in enumerate(rims):
+        own = slice(starts[k], starts[k + 1])
+        base = CircleResult(
+            instances[k],
+            circle,
+            methods[0],
+            radius_mm,
+            ellipse=rim.ellipse,
+            residual_px=rim.cone.rms_px,
+            rim_used=rim.rim_used,
+            score=rim.score,
+            contour=rim.points,
+        )
+        flags = _flags(rim, float(frames.tan_half_minor[k] / frames.tan_half_major[k]))
+        for method in methods:
+            solutions = known[k]
+            if method == "chen-huang":
+                candidates = _candidates(solutions, imaged[own], covariances[own])
+            else:
+                found = solve(method, factors[k], camera.rays(rim.points), radius_mm)
+                if isinstance(found, str):
+                    results.append(replace(base, method=method, status=Status.NO_POSE, reason=found))
+                    continue
+                solutions = found
+                candidates = _candidates(solutions, camera.project(solutions.centers))
+                if len(methods) > 1:
+                    reference = _candidates(known[k], imaged[own])
+                    candidates = tuple(compared(candidate, reference) for candidate in candidates)
+            one = len(candidates) == 1
+            told = flags | {Flag.AMBIGUOUS: not one, Flag.CHORD_MENDED: solutions.mended}
+            results.append(
+                replace(
+                    base,
+                    method=method,
+                    candidates=candidates,
+                    ambiguity=0.0 if one else 0.5,
+                    cone=ConeKind(solutions.cone),
+                    flags=tuple(flag for flag in _ORDER if told[flag]),
+                )
+            )
+    return results
+
+
+def settled_factor(rim: Rim) -> FloatArray:
+    """Return the viewing cone's factor (3, 3), right or degenerate where the edges tell no difference from that.
+
+    Within its error a circle seen along its axis is a right cone with one pose, where the fitted axes, never quite
+    equal, would give two with a tilt of their own; and a segment is edge-on, whatever width noise gives it.
+    """
+    return _settled_factors([rim], principal_frame(rim.cone.factor[None]))[0]
+
+
+def _settled_factors(rims: Sequence[Rim], frames: PrincipalFrame) -> FloatArray:
+    """As `settled_factor`, of m rims, with the frames (m, ...) of their cones."""
+    factors = np.stack([rim.cone.factor for rim in rims])
+    s, t = frames.tan_half_major, frames.tan_half_minor
+    per_px = s / np.array([float(rim.ellipse.semi_major) for rim in rims])
+    error = _SIGMAS * np.array([rim.axis_error_px for rim in rims]) * per_px
+    right = s - t < error
+    flat = ~right & (t < np.maximum(error, _SEGMENT_PX * per_px))
+    mean = np.sqrt(s * t)
+    axes = np.stack([np.where(right, mean, s), np.where(right, mean, 0.0), np.ones_like(s)], axis=-1)
+    return np.where((right | flat)[:, None, None], frames.rotation * axes[:, None, :], factors)
+
+
+def _covariances(
+    rims: Sequence[Rim],
+    camera: Camera,
+    frames: PrincipalFrame,
+    factors: FloatArray,
+    known: Sequence[Solutions],
+    radius_mm: float,
+) -> list[FloatArray | None]:
+    """Return the covariance of each candidate of each rim in turn, where its rim's is known and the cone its own."""
+    centers = np.concatenate([solutions.centers for solutions in known])
+    normals = np.concatenate([solutions.normals for solutions in known])
+    owner = np.repeat(np.arange(len(rims)), [len(solutions.centers) for solutions in known])
+    modes = np.full((len(rims), MODES, MODES), np.nan)
+    for k, rim in enumerate(rims):
+        if rim.modes_covariance is not None and np.array_equal(factors[k], rim.cone.factor):
+            modes[k] = rim.modes_covariance
+    axes = frames.rotation[..., 2]
+    told = pose_covariances(factors[owner], axes[owner], modes[owner], centers, normals, radius_mm)
+    return [
+        each if np.isfinite(each[0, 0]) else _of_segment(rims[i], camera, factors[i], center, normal, radius_mm)
+        for each, i, center, normal in zip(told, owner.tolist(), centers, normals, strict=True)
+    ]
+
+
+def _of_segment(
+    rim: Rim, camera: Camera, settled: FloatArray, center: FloatArray, normal: FloatArray, radius_mm: float
+) -> FloatArray | None:
+    """Return the covariance of a pose whose rim was settled to be seen edge-on and measured from its levels."""
+    if rim.ellipse_covariance is None or not principal_frame(settled).is_degenerate:
+        return None
+    return segment_covariance(camera, rim.ellipse, rim.ellipse_covariance, center, normal, radius_mm)
+
+
+def _candidates(
+    solutions: Solutions, imaged: FloatArray, covariances: Sequence[FloatArray | None] = (None, None)
+) -> tuple[Candidate, ...]:
+    candidates = [
+        Candidate(center, normal, seen, covariance=covariance)
+        for center, normal, seen, covariance in zip(
+            solutions.centers, solutions.normals, imaged, covariances, strict=False
+        )
+    ]
+    # Nothing ranks the two yet; the one that faces the camera's axis more goes first, so that order is stable.
+    return tuple(sorted(candidates, key=lambda c: float(c.normal[2])))
+
+
+def compared(candidate: Candidate, reference: Sequence[Candidate]) -> Candidate:
+    """Add the differences to the like candidate of Chen & Huang's: the one whose normal is nearest."""
+    if not reference:
+        return candidate
+    nearest = max(reference, key=lambda other: float(other.normal @ candidate.normal))
+    chord = float(np.linalg.norm(nearest.normal - candidate.normal))
+    return replace(
+        candidate,
+        position_difference_mm=float(np.linalg.norm(nearest.center - candidate.center)),
+        orientation_difference_deg=float(np.degrees(2.0 * np.arcsin(min(1.0, chord / 2.0)))),
+    )
+
+
+def _flags(rim: Rim, axis_ratio: float) -> dict[Flag, bool]:
+    """Return what is to be said of a rim, by whatever method it is solved."""
+    semi_minor = float(rim.ellipse.semi_minor)
+    return {
+        Flag.NEAR_RIGHT: float(rim.ellipse.semi_major) * (1.0 - axis_ratio) < _NEAR_RIGHT * rim.axis_error_px,
+        Flag.NEAR_DEGENERATE: semi_minor < _SLIVER_PX,
+        Flag.POOR_FIT: rim.cone.rms_px > _POOR_FIT_PX,
+        Flag.PARTIAL_RIM: rim.rim_used < _FULL_RIM,
+        Flag.EDGES_ONLY: rim.is_edges_only,
+    }

@@ -1,0 +1,1 @@
+"""From the gray levels around a rim to its viewing cone."""

@@ -1,0 +1,1 @@
+"""Rims so thin that the blur runs their two sides together."""

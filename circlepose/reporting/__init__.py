@@ -1,0 +1,1 @@
+"""Finished documents for people, made of results."""

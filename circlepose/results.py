@@ -1,0 +1,218 @@
+"""Results: candidate poses, circles and images, and the registry of statuses and flags."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+from circlepose._typing import FloatArray
+from circlepose.geometry.cone import ConeKind
+from circlepose.geometry.conic import Ellipse
+
+
+class Status(StrEnum):
+    """Why an image or a circle has, or has not, a pose. The text of each is in `STATUS_MEANING`."""
+
+    OK = "ok"
+    UNREADABLE = "unreadable"
+    NOT_AN_IMAGE = "not_an_image"
+    TRUNCATED_IMAGE = "truncated_image"
+    TOO_LARGE = "too_large"
+    NOT_ALLOWED = "not_allowed"
+    SIZE_MISMATCH = "size_mismatch"
+    NO_CIRCLE = "no_circle"
+    TOO_FEW_CIRCLES = "too_few_circles"
+    NO_POSE = "no_pose"
+    TOO_FEW_POINTS = "too_few_points"
+    POINTS_COINCIDE = "points_coincide"
+    SELF_CROSSING = "self_crossing"
+    TOUCHES_BORDER = "touches_border"
+    TIMED_OUT = "timed_out"
+    WORKER_DIED = "worker_died"
+    INTERNAL_ERROR = "internal_error"
+
+
+STATUS_MEANING: Mapping[Status, str] = {
+    Status.OK: "measured",
+    Status.UNREADABLE: "the file is missing or cannot be opened",
+    Status.NOT_AN_IMAGE: "the file is no image of a known format",
+    Status.TRUNCATED_IMAGE: "the image file ends early",
+    Status.TOO_LARGE: "the image has more pixels, by its header, or bytes than are read",
+    Status.NOT_ALLOWED: "the image's format is read only where the environment allows it",
+    Status.SIZE_MISMATCH: "the image's size does not fit the calibration",
+    Status.NO_CIRCLE: "nothing in the image is the image of the target",
+    Status.TOO_FEW_CIRCLES: "fewer targets were found than were asked for; this row stands for those missing",
+    Status.NO_POSE: "the contour was found but has no pose by this method",
+    Status.TOO_FEW_POINTS: "the contour has fewer than 6 points",
+    Status.POINTS_COINCIDE: "all points of the contour are the same",
+    Status.SELF_CROSSING: "the contour crosses itself",
+    Status.TOUCHES_BORDER: "the contour runs along the image's border, where the circle is cut off",
+    Status.TIMED_OUT: "the image took longer than --timeout allows",
+    Status.WORKER_DIED: "the process that measured the image died, twice: out of memory, or a crash in a decoder",
+    Status.INTERNAL_ERROR: "a bug in circlepose; please report it",
+}
+
+
+class Flag(StrEnum):
+    """Remarks on a pose that stands. The text of each is in `FLAG_MEANING`."""
+
+    AMBIGUOUS = "ambiguous"
+    LONE_CIRCLE = "lone_circle"
+    RING_MISFIT = "ring_misfit"
+    NOT_FLAT = "not_flat"
+    VANISHING_LINE_DISAGREES = "vanishing_line_disagrees"
+    NEAR_RIGHT = "near_right"
+    NEAR_DEGENERATE = "near_degenerate"
+    POOR_FIT = "poor_fit"
+    PARTIAL_RIM = "partial_rim"
+    CHORD_MENDED = "chord_mended"
+    EDGES_ONLY = "edges_only"
+
+
+FLAG_MEANING: Mapping[Flag, str] = {
+    Flag.AMBIGUOUS: "nothing in the image tells which candidate is right; ambiguity is 0.5",
+    Flag.LONE_CIRCLE: "only one circle of a ring target was found; its pose is that of a lone circle",
+    Flag.RING_MISFIT: "the circles of the target are not seen where its radii, or its generatrix, put them",
+    Flag.NOT_FLAT: "the rings are not in one plane but height_mm apart; measure the target as kind: coaxial",
+    Flag.VANISHING_LINE_DISAGREES: "the normal from the vanishing line contradicts the chosen candidate",
+    Flag.NEAR_RIGHT: "seen almost along its axis; the tilt is ill-determined, the two candidates nearly agree",
+    Flag.NEAR_DEGENERATE: "seen almost edge-on; the image is a sliver",
+    Flag.POOR_FIT: "the contour departs from the fitted ellipse by more than edge noise explains",
+    Flag.PARTIAL_RIM: "a tenth of the rim or more is hidden, cut off or without contrast; see rim_used",
+    Flag.CHORD_MENDED: "contour route: one of its four points lay on an outlier, which was left out",
+    Flag.EDGES_ONLY: "measured from edges alone: the grey levels along the rim could not be fitted; no covariance",
+}
+
+
+class SettledBy(StrEnum):
+    """What settled which candidate of a circle is chosen. The text of each is in `SETTLED_BY_MEANING`."""
+
+    VANISHING_LINE = "vanishing_line"
+    GENERATRIX = "generatrix"
+    JOINT_FIT = "joint_fit"
+    COMMON_PLANE = "common_plane"
+    HINT = "hint"
+    NONE = "none"
+
+
+SETTLED_BY_MEANING: Mapping[SettledBy, str] = {
+    SettledBy.VANISHING_LINE: "the normal from the vanishing line of two coplanar circles settles it alone",
+    SettledBy.GENERATRIX: "the generatrix of two coaxial circles, at both ends, settles it alone",
+    SettledBy.JOINT_FIT: "one pose fitted to all rims of a ring target; neither of the above settles it alone",
+    SettledBy.COMMON_PLANE: "the plane that several lone circles share",
+    SettledBy.HINT: "a hint on a lone circle: a rough normal, the vertical or the side that it faces",
+    SettledBy.NONE: "nothing does, or there is one candidate",
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CovarianceTerms:
+    """What a pose's covariance is the sum of, by cause; each (5, 5) as `Candidate.covariance`, None if exact."""
+
+    image: FloatArray
+    """noise of the image; independent from circle to circle"""
+    camera: FloatArray | None = None
+    """error of the focal length and the principal point; the same error in every image of the camera"""
+    radius: FloatArray | None = None
+    """error of the radius; the same error in every image of the target"""
+
+    @property
+    def total(self) -> FloatArray:
+        """The sum of all terms, (5, 5)."""
+        return sum((term for term in (self.camera, self.radius) if term is not None), self.image)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Candidate:
+    """One possible pose of a circle, in the camera frame."""
+
+    center: FloatArray
+    """(3,) mm"""
+    normal: FloatArray
+    """(3,) unit vector towards the camera: normal . center <= 0"""
+    imaged_center: FloatArray
+    """(2,) px, raw distorted image: where the circle's centre is seen (not the ellipse's centre)"""
+    generatrix_mm: float | None = None
+    """coaxial targets: rim to rim distance with the other circle's paired candidate, at the end near the camera"""
+    generatrix_ends_mm: FloatArray | None = None
+    """(2,) the same at the nearer and at the farther end"""
+    generatrix_ends_sigma_mm: FloatArray | None = None
+    """(2,) their standard deviations; None where the circles' own poses have no covariance"""
+    height_mm: float | None = None
+    """ring targets: how far the other circles are in front of the largest, along the normal, in this pose; of
+    coplanar ones as measured without the assumption that they are flat"""
+    height_sigma_mm: float | None = None
+    """its standard deviation"""
+    vanishing_distance_deg: float | None = None
+    """coplanar targets: angle of this normal to the one from the vanishing line"""
+    vanishing_distance_sigmas: float | None = None
+    """the same in standard deviations, of both normals together: root of a chi-square of two degrees of freedom;
+    None where this candidate has no covariance"""
+    covariance: FloatArray | None = None
+    """(5, 5) of centre (mm^2) and two tilts (rad^2) of the normal, towards the vectors of `cone.plane_basis`; of all
+    terms together; None where none can be vouched for"""
+    covariance_terms: CovarianceTerms | None = None
+    """the terms, where another than the image's noise is known"""
+    position_difference_mm: float | None = None
+    """distance of the centre from Chen & Huang's, where several methods were run"""
+    orientation_difference_deg: float | None = None
+    """angle of the normal to Chen & Huang's, where several methods were run"""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CircleResult:
+    """One circle of one target in one image, measured by one method."""
+
+    instance: int
+    """number of the target in the image, from 0"""
+    circle: str
+    """name of the circle in the target: disc; outer, inner, ring2 ...; big, small"""
+    method: str
+    radius_mm: float
+    candidates: tuple[Candidate, ...] = ()
+    """one or two, the better first; empty unless the status is ok"""
+    chosen: int = 0
+    """index of the candidate to use"""
+    ambiguity: float = 0.5
+    """probability that the chosen candidate is the wrong one"""
+    settled_by: SettledBy = SettledBy.NONE
+    """what settled the choice of the candidate"""
+    vanishing_normal: FloatArray | None = None
+    """(3,) coplanar targets: unit normal from the vanishing line of two circles, independent of the joint fit"""
+    vanishing_sigma_deg: float | None = None
+    """its standard deviation: root of the sum of both tilts' variances"""
+    generatrix_expected_mm: float | None = None
+    """coaxial targets: the generatrix that was given"""
+    cone: ConeKind | None = None
+    ellipse: Ellipse | None = None
+    """of the rim in the raw distorted image, px"""
+    residual_px: float | None = None
+    """rms distance of the contour from the fitted rim, px"""
+    rim_used: float | None = None
+    """share of the rim, 0 to 1, whose edge the pose rests on; the rest is hidden, cut off or without contrast"""
+    score: float | None = None
+    """how surely the contour is a circle's rim, 0 to 1; None where the rim was looked for at a known place"""
+    contour: FloatArray | None = None
+    """(n, 2) px, the contour in use"""
+    flags: tuple[Flag, ...] = ()
+    status: Status = Status.OK
+    reason: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ImageResult:
+    """All that was measured in one image, or why nothing was."""
+
+    image: str
+    """name under which the image is reported"""
+    status: Status = Status.OK
+    reason: str = ""
+    """one sentence for a person; empty when the status is ok"""
+    circles: tuple[CircleResult, ...] = ()
+    image_size: tuple[int, int] | None = None
+    """(width, height) px"""
+    rejected: Mapping[str, int] = field(default_factory=dict)
+    """how many contours were not used, by reason"""
+    remark: str = ""
+    """what else is to be said of the image file: that it has more pages"""

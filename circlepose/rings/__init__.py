@@ -1,0 +1,1 @@
+"""Ring targets: which rims belong together, their common pose, and what speaks against it."""

@@ -1,0 +1,1 @@
+"""What is looked for: circles and ring targets, and what is known of them beforehand."""

@@ -1,0 +1,1 @@
+"""The covariance of a pose, term by term."""

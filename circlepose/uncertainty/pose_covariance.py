@@ -1,0 +1,151 @@
+"""How well a rim alone determines its circle's pose: the covariance of a candidate, from that of the rim's modes.
+
+To first order a pose with errors x has a rim with mode amounts J x (`rim_modes.pose_derivatives`), so the amounts'
+covariance C gives J^-1 C J^-T. Both candidates of a circle have the same rim but each its own J, and so its own
+covariance. Seen along its axis a circle's tilt changes its rim to second order only: J is singular, and no
+covariance tells how the tilt is off. Of a segment, a circle seen edge-on, it is the modes that have no meaning, while
+the pose still follows smoothly from the axes of its image: there these are taken. Pure NumPy.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from circlepose._numerics import cross
+from circlepose._typing import BoolArray, FloatArray
+from circlepose.camera.camera import Camera
+from circlepose.fitting.cone_fit import factor_from_ellipse
+from circlepose.geometry.cone import plane_basis, principal_frame
+from circlepose.geometry.cone_perturbation import pose_derivatives
+from circlepose.geometry.conic import Ellipse
+from circlepose.solvers.chen_huang import poses_from_frame
+
+_FLATTEST = 1e-12
+"""Relative determinant of a factor, below which the circle is seen edge-on and its modes have no meaning."""
+_STEP_PX = 0.01
+_SEGMENT_PX, _SURELY_WIDE_PX = 0.35, 1.0
+"""Standard deviation of a segment's semi-minor axis, at least and at most: a wider one is seen to be one."""
+_LEAST_SIGMAS = 2.0
+"""The tilt from the cone's axis, where both candidates meet, in its own standard deviations."""
+
+
+def pose_covariance(
+    factor: FloatArray, modes_covariance: FloatArray, center: FloatArray, normal: FloatArray, radius: float
+) -> FloatArray | None:
+    """Return the covariance (5, 5) of a circle's pose, measured by its rim alone.
+
+    Parameters
+    ----------
+    factor
+        (3, 3) of the viewing cone that was measured (`cone`).
+    modes_covariance
+        (5, 5) of the `rim_modes` amounts about that factor.
+    center, normal
+        (3,) a candidate pose of a circle of `radius`, which has this cone; the centre in the unit of `radius`.
+
+    Returns
+    -------
+    Of the centre (three, length unit squared) and two tilts (rad^2) of the normal, towards the vectors of
+    `cone.plane_basis(normal)`. None where first order does not hold: edge-on within rounding, and where the tilt
+    from the cone's axis, at which both candidates are one, is less than twice its own standard deviation.
+    """
+    axis = principal_frame(factor).rotation[:, 2]
+    covariance = pose_covariances(factor, axis, modes_covariance, center, normal, radius)
+    return covariance if np.all(np.isfinite(covariance)) else None
+
+
+def segment_covariance(
+    camera: Camera, ellipse: Ellipse, covariance: FloatArray, center: FloatArray, normal: FloatArray, radius: float
+) -> FloatArray | None:
+    """Return the covariance (5, 5) of the pose of a circle that was taken to be seen edge-on, as `pose_covariance`.
+
+    Parameters
+    ----------
+    camera, ellipse, covariance
+        The ellipse measured in the raw image, so thin that it may be a segment, and the covariance (5, 5) of its
+        centre x, y, semi-major, semi-minor (px) and angle (rad).
+    center, normal
+        (3,) one of both poses of a circle of `radius` that has this segment; the centre in the unit of `radius`.
+
+    Returns
+    -------
+    None where the lens model does not reach, or first order does not hold.
+    """
+    theta = np.array([*ellipse.center, ellipse.semi_major, 0.0, ellipse.angle])
+    spread = covariance.copy()
+    # Width and contrast of a segment go together; what its levels do tell is how wide it is not.
+    wide = np.hypot(float(ellipse.semi_minor), min(float(np.sqrt(covariance[3, 3])), _SURELY_WIDE_PX))
+    spread[3, :], spread[:, 3] = 0.0, 0.0
+    spread[3, 3] = max(float(wide), _SEGMENT_PX) ** 2
+    basis = np.stack(plane_basis(normal))
+    slopes = np.empty((5, 5))
+    for i in range(5):
+        step = _STEP_PX / (float(ellipse.semi_major) if i == 4 else 1.0)
+        # No width is negative.
+        ends = [
+            _pose_of(camera, theta + end * (np.arange(5) == i), normal, radius) for end in (step, -step * (i != 3))
+        ]
+        if ends[0] is None or ends[1] is None:
+            return None
+        (center_1, normal_1), (center_0, normal_0) = ends[0], ends[1]
+        change = np.concatenate([center_1 - center_0, basis @ (normal_1 - normal_0)])
+        slopes[:, i] = change / (step if i == 3 else 2.0 * step)
+    told = np.asarray(slopes @ spread @ slopes.T)
+    axis = center / np.linalg.norm(center)
+    return told if np.all(np.isfinite(told)) and is_first_order(axis, normal, told) else None
+
+
+def _pose_of(
+    camera: Camera, theta: FloatArray, normal: FloatArray, radius: float
+) -> tuple[FloatArray, FloatArray] | None:
+    """Return the pose with the normal nearest to `normal` of a circle whose image has the parameters `theta` (5,)."""
+    factor = factor_from_ellipse(camera, Ellipse(theta[:2], theta[2], theta[3], theta[4]))
+    if factor is None:
+        return None
+    centers, normals = poses_from_frame(principal_frame(factor), radius)
+    nearest = int(np.argmax(normals @ normal))
+    return centers[nearest], normals[nearest]
+
+
+def pose_covariances(
+    factor: FloatArray,
+    axis: FloatArray,
+    modes_covariance: FloatArray,
+    center: FloatArray,
+    normal: FloatArray,
+    radius: float,
+) -> FloatArray:
+    """As `pose_covariance` for many at once (..., 5, 5), the axes (..., 3) of their cones known; NaN for none."""
+    distance = np.linalg.norm(center, axis=-1)
+    # In shares of the distance all parameters are of one kind, which keeps the inverse precise.
+    scale = np.ones((*distance.shape, 5))
+    scale[..., :3] = distance[..., None]
+    with np.errstate(all="ignore"):
+        columns = factor / np.linalg.norm(factor, axis=-2, keepdims=True)
+        told = np.isfinite(modes_covariance).all(axis=(-2, -1)) & (np.abs(np.linalg.det(columns)) >= _FLATTEST)
+        proper = np.where(told[..., None, None], factor, np.eye(3))
+        slopes = pose_derivatives(proper, center, normal, radius)[..., :5] * scale[..., None, :]
+        told = told & np.isfinite(slopes).all(axis=(-2, -1))
+        told = told & (np.linalg.det(np.where(told[..., None, None], slopes, 0.0)) != 0.0)
+        inverse = np.linalg.inv(np.where(told[..., None, None], slopes, np.eye(5))) * scale[..., None]
+        modes = np.where(told[..., None, None], modes_covariance, np.nan)
+        covariance = inverse @ modes @ np.swapaxes(inverse, -1, -2)
+    covariance = (covariance + np.swapaxes(covariance, -1, -2)) / 2.0
+    told = told & np.isfinite(covariance).all(axis=(-2, -1))
+    told = told & is_first_order(axis, normal, np.where(told[..., None, None], covariance, np.eye(5)))
+    return np.where(told[..., None, None], covariance, np.nan)
+
+
+def is_first_order(axis: FloatArray, normal: FloatArray, covariance: FloatArray) -> BoolArray:
+    """Tell (...) whether normals (..., 3) with covariances of their poses are surely tilted from their cones' axes.
+
+    Along the axis (..., 3) of its cone no such covariance holds.
+    """
+    along = -np.einsum("...i,...i->...", normal, axis)
+    from_axis = np.arctan2(np.linalg.norm(cross(normal, axis), axis=-1), along)
+    return np.asarray(from_axis >= _LEAST_SIGMAS * tilt_sigma(covariance))
+
+
+def tilt_sigma(covariance: FloatArray) -> FloatArray:
+    """Return the largest standard deviation (...), rad, of a normal in any direction, of covariances (..., 5, 5)."""
+    return np.asarray(np.sqrt(np.maximum(np.linalg.eigvalsh(covariance[..., 3:, 3:])[..., -1], 0.0)))

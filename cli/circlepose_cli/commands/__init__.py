@@ -1,0 +1,1 @@
+"""The commands: their signatures. They import nothing heavy."""

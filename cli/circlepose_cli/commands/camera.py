@@ -1,0 +1,46 @@
+"""`circlepose camera`: what a calibration file says, in plain words."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from circlepose_cli.console import debugging
+from circlepose_cli.options import declared
+from circlepose_cli.options.declared import ReportFormat
+
+
+def camera(
+    calibration: Annotated[Path, typer.Argument(metavar="FILE", help="Calibration file.", show_default=False)],
+    camera_name: declared.CameraName = None,
+    target_file: Annotated[
+        Path | None,
+        typer.Option("--target", metavar="FILE", help="Target to be measured: warn of views that are ambiguous."),
+    ] = None,
+    report_format: Annotated[
+        ReportFormat, typer.Option("--format", help="Plain words, or JSON.")
+    ] = ReportFormat.TEXT,
+    verbose: declared.Verbose = False,
+) -> None:
+    """Explain a calibration file.
+
+    Prints lens model, field of view, distortion in px and what looks wrong.
+    """
+    if verbose:
+        debugging.show_tracebacks(True)
+    from circlepose.io.calibration.reader import read_camera_file  # noqa: PLC0415 - needs NumPy
+    from circlepose_cli.reports.camera import describe, report_record, report_text  # noqa: PLC0415
+
+    target = None
+    if target_file is not None:
+        from circlepose.io.target_file import read_target  # noqa: PLC0415
+
+        target = read_target(target_file)
+    report = describe(read_camera_file(calibration, camera_name), target)
+    if report_format is ReportFormat.JSON:
+        typer.echo(json.dumps(report_record(report), indent=2, allow_nan=False))
+    else:
+        typer.echo(report_text(report))

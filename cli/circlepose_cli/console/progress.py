@@ -1,0 +1,212 @@
+"""What is said on standard error: a bar on a terminal, a line per failed image, a summary."""
+
+from __future__ import annotations
+
+import sys
+import time
+import traceback
+from collections import Counter
+from collections.abc import Callable, Generator, Iterator
+from contextlib import AbstractContextManager, closing, contextmanager
+from typing import TYPE_CHECKING
+
+from circlepose.batch.resume import LOST
+from circlepose.detection.contour import Rejection
+from circlepose.io.text.escaping import printable, redacted
+from circlepose.results import Flag, ImageResult, Status
+from circlepose_cli.console import debugging
+from circlepose_cli.console.interruption import Interruption
+from circlepose_cli.console.pace import Pace, duration
+from circlepose_cli.options.names import with_options_named
+
+if TYPE_CHECKING:
+    from rich.progress import Progress, TaskID
+
+_INTERVAL_S = 30.0
+
+
+class Reporter:
+    """Counts results and tells a person about them."""
+
+    def __init__(self, *, quiet: bool, verbose: bool, clock: Callable[[], float] = time.monotonic) -> None:
+        self.measured = 0
+        self.bugs = 0
+        self._ambiguous = 0
+        self._with_several = 0
+        self._not_measured = 0
+        self.failures: Counter[str] = Counter()
+        self._quiet = quiet
+        self._verbose = verbose
+        self._clock = clock
+        self._total: int | None = None
+        self._pace = Pace(clock())
+        self._told_s = clock()
+        self._bar: tuple[Progress, TaskID] | None = None
+
+    @property
+    def lost(self) -> int:
+        """How many images another try may still measure."""
+        return sum(self.failures[status] for status in LOST)
+
+    @contextmanager
+    def running(self, total: int | None, *, shows_bar: bool) -> Iterator[None]:
+        """Show a bar meanwhile, if standard error is a terminal; else a line now and then."""
+        self._total = total
+        self._pace = Pace(self._clock())
+        if self._quiet or not shows_bar or not sys.stderr.isatty():
+            yield
+            return
+        with _new_bar() as bar:
+            self._bar = (bar, bar.add_task("measuring", total=total, pace=""))
+            try:
+                yield
+            finally:
+                self._bar = None
+
+    def count(self, result: ImageResult) -> None:
+        """Take note of one image."""
+        status, reason = _outcome(result)
+        if status is Status.OK:
+            self.measured += 1
+            is_ambiguous = any(Flag.AMBIGUOUS in circle.flags for circle in result.circles)
+            self._ambiguous += is_ambiguous
+            self._with_several += is_ambiguous and len({circle.instance for circle in result.circles}) > 2
+            self._not_measured += result.rejected.get(str(Rejection.BEYOND_COUNT), 0)
+        else:
+            self.failures[status] += 1
+            self.note(f"{result.image}: {reason or status}")
+        if result.remark and status is Status.OK:
+            self.note(f"{result.image}: {result.remark}")
+        if result.rejected:
+            counts = ", ".join(f"{reason} {number}" for reason, number in result.rejected.items())
+            self.detail(f"{result.image}: contours not used: {counts}")
+        self._show_pace()
+
+    def bug(self, _image: str, error: Exception) -> None:
+        """Take note of a bug; the row of its image is counted like all others."""
+        self.bugs += 1
+        if debugging.tracebacks_shown():
+            for line in "".join(traceback.format_exception(error)).splitlines():
+                self.note(line)
+
+    def _show_pace(self) -> None:
+        now = self._clock()
+        self._pace.count(now)
+        if self._bar is not None:
+            bar, task = self._bar
+            failed = f"failed: {self._kinds()}" if self.failures else ""
+            bar.update(task, advance=1, pace=f"{self._pace.per_second(now):.1f}/s  {failed}")
+        elif now - self._told_s >= _INTERVAL_S:
+            self._told_s = now
+            self.note(self._pace_line(now))
+
+    def _pace_line(self, now: float) -> str:
+        done = str(self._pace.done) if self._total is None else f"{self._pace.done} of {self._total}"
+        parts = [f"{done} done", f"{self._pace.per_second(now):.1f} a second"]
+        if self.failures:
+            parts.append(f"{self.failures.total()} failed ({self._kinds()})")
+        left = self._pace.left_s(now, self._total)
+        return ", ".join(parts if left is None else [*parts, f"{duration(left)} left"])
+
+    def _kinds(self) -> str:
+        return ", ".join(f"{status} {number}" for status, number in self.failures.most_common())
+
+    def note(self, message: str) -> None:
+        """Say something, unless told to be quiet."""
+        if self._quiet:
+            return
+        shown = printable(redacted(message))
+        if self._bar is not None:
+            self._bar[0].console.print(shown, markup=False, highlight=False, soft_wrap=True)
+        else:
+            # One piece, as threads speak here.
+            print(f"{shown}\n", end="", file=sys.stderr, flush=True)
+
+    def detail(self, message: str) -> None:
+        """Say something, if told to be verbose."""
+        if self._verbose:
+            self.note(message)
+
+    def _how_to_settle(self, *, counted: bool, coplanar: bool) -> str:
+        ways = ["--facing, --normal or --up", "a target of two circles"]
+        if not coplanar and (self._with_several or (self._not_measured and not counted)):
+            ways.insert(0, f"{'' if counted else '--count all '}--coplanar if the circles lie in one plane")
+        return f"either pose may be the right one; give {', or '.join(ways)}"
+
+    def summary(
+        self,
+        total: int | None,
+        *,
+        interrupted: bool,
+        resumable: bool,
+        counted: bool = False,
+        coplanar: bool = False,
+    ) -> None:
+        """Say what became of all images, and what to type next.
+
+        `counted` is whether the user said how many circles to measure, `coplanar` whether they lie in one plane.
+        """
+        failed = self.failures.total()
+        parts = [f"{self.measured} measured", f"{failed} failed ({self._kinds()})" if failed else "0 failed"]
+        if interrupted:
+            rest = "the rest" if total is None else str(total - self.measured - failed)
+            parts.append(f"interrupted: {rest} not done")
+        if self._ambiguous:
+            parts.append(f"{self._ambiguous} ambiguous: {self._how_to_settle(counted=counted, coplanar=coplanar)}")
+        if self._not_measured and not counted:
+            self.note(f"{self._not_measured} more circles like these: --count all")
+        self.note(", ".join(parts))
+        if resumable:
+            self.note("the same command with --resume does only what is left")
+        elif interrupted:
+            self.note("with -o FILE, a run that is interrupted can be gone on with (--resume)")
+        if self.bugs:
+            self.note("internal_error is a bug: please report it with the command line and what --verbose shows")
+
+
+def follow(
+    results: Generator[ImageResult, None, None],
+    reporter: Reporter,
+    bar: AbstractContextManager[None],
+    interruption: Interruption,
+) -> Generator[ImageResult, None, None]:
+    """Pass `results` on, telling of each and showing `bar` meanwhile, until they end or a signal ends them."""
+    with bar, closing(results):
+        while not interruption.received:
+            try:
+                with interruption.waiting():
+                    result = next(results, None)
+            except KeyboardInterrupt:
+                return
+            if result is None:
+                return
+            result = with_options_named(result)
+            reporter.count(result)
+            yield result
+
+
+def _outcome(result: ImageResult) -> tuple[Status, str]:
+    """Return the first status that is not ok, of the image or of a circle in it, and its reason."""
+    if result.status is not Status.OK:
+        return result.status, result.reason
+    for circle in result.circles:
+        if circle.status is not Status.OK:
+            return circle.status, f"{circle.circle} {circle.instance}: {circle.reason or circle.status}"
+    return Status.OK, ""
+
+
+def _new_bar() -> Progress:
+    from rich.console import Console  # noqa: PLC0415 - only where there is a terminal
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn  # noqa: PLC0415
+
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        TextColumn("{task.fields[pace]}"),
+        console=Console(stderr=True),
+        transient=True,
+        redirect_stdout=False,
+        redirect_stderr=False,
+    )

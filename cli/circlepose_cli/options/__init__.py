@@ -1,0 +1,1 @@
+"""What is typed, checked and put together: options, overrides, camera and target."""

@@ -1,0 +1,179 @@
+"""Which camera and which target hold for an image: from the command line, or from the files beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from circlepose.camera.camera import CameraSigma
+from circlepose.errors import TargetError, UsageError
+from circlepose.io.calibration.reader import CameraFile, read_camera_file
+from circlepose.io.remote.images import Place, RemoteFile
+from circlepose.io.target_file import find_beside, read_target, target_from_mapping
+from circlepose.targets.hints import NORMAL_SPREAD_DEG, UP_SPREAD_DEG, Direction, DirectionHint
+from circlepose.targets.target import AxisIntervals, Target
+from circlepose_cli.options.declared import SideChoice, TargetOverrides
+
+_FOUND = "found beside the images and used"
+
+
+@dataclass(frozen=True, slots=True)
+class Setup:
+    """What is known before an image is opened."""
+
+    camera_file: CameraFile
+    target: Target
+    target_origin: str
+    """where the target came from, for a person"""
+    target_path: Path | None = None
+    """the target file, where there is one"""
+    notes: tuple[str, ...] = ()
+    """sentences to say once: remarks on the calibration, and which files were found rather than named"""
+
+
+@dataclass(slots=True)
+class Setups:
+    """The setup of each folder, each found once and told once to `tell`."""
+
+    calib: Path | None
+    camera_name: str | None
+    target_file: Path | None
+    radius_mm: float | None
+    overrides: TargetOverrides
+    tell: Callable[[Place, Setup], None]
+    force_calibration: bool = False
+    """whether a calibration that no camera has is used"""
+    _by_folder: dict[Place, Setup] = field(default_factory=dict)
+    _cameras: dict[Path, CameraFile] = field(default_factory=dict)
+    _said: set[str] = field(default_factory=set)
+
+    def __post_init__(self) -> None:
+        if self.target_file is not None and self.radius_mm is not None:
+            raise UsageError("--target, --radius-mm: give one of them, not both.")
+
+    def for_image(self, path: Place) -> Setup:
+        """Return the setup for an image's folder; raises when it has no camera or no target."""
+        folder = path.parent
+        if folder not in self._by_folder:
+            setup = self._find(folder)
+            self._by_folder[folder] = setup
+            self.tell(folder, setup)
+        return self._by_folder[folder]
+
+    def _find(self, folder: Place) -> Setup:
+        path = self.calib or _beside(folder, "camera")
+        if path is None:
+            beside = "" if isinstance(folder, RemoteFile) else " or put a camera.yaml beside them"
+            raise UsageError(f"{folder}: no calibration for the images there; give --calib FILE{beside}.")
+        if path not in self._cameras:
+            camera_file = read_camera_file(path, self.camera_name)
+            if not self.force_calibration:
+                camera_file.refuse_grave("give --force-calib")
+            self._cameras[path] = camera_file
+        camera_file = self._cameras[path]
+        target, origin, target_path = self._find_target(folder, camera_file)
+        target = _overridden(target, self.overrides)
+        notes = [] if self.calib is not None else [f"{path}: {_FOUND} as calibration"]
+        notes += [
+            f"{path}: {note}{'' if note.endswith('?') else '.'}"
+            for note in (*camera_file.notes, *(d.text for d in camera_file.doubts))
+        ]
+        if self.radius_mm is None and self.target_file is None:
+            used = "used" if origin == f"{camera_file.path}: target" else _FOUND
+            notes.append(f"{origin}: {used} as target, {_described(target)}")
+        if self.overrides.camera_sigma is not None:
+            sigma = CameraSigma(*self.overrides.camera_sigma)
+            camera_file = replace(camera_file, camera=replace(camera_file.camera, sigma=sigma))
+        new = tuple(note for note in notes if note not in self._said)
+        self._said.update(new)
+        return Setup(camera_file, target, origin, target_path, new)
+
+    def _find_target(self, folder: Place, camera_file: CameraFile) -> tuple[Target, str, Path | None]:
+        if self.radius_mm is not None:
+            return _circle(self.radius_mm), "--radius-mm", None
+        path = self.target_file or _beside(folder, "target")
+        if path is not None:
+            return read_target(path), str(path), path
+        if camera_file.target is not None:
+            origin = f"{camera_file.path}: target"
+            return target_from_mapping(camera_file.target, origin), origin, None
+        raise UsageError(_no_target(folder, camera_file.path))
+
+
+def _described(target: Target) -> str:
+    """Return what sets the scale of all results."""
+    if target.kind == "circle":
+        return f"radius_mm {target.radii_mm[0]:g}"
+    return f"{target.kind}, radii_mm {', '.join(f'{radius:g}' for radius in target.radii_mm)}"
+
+
+def _beside(folder: Place, stem: str) -> Path | None:
+    # What images at a URL are measured with is said here, not there.
+    return None if isinstance(folder, RemoteFile) else find_beside(folder, stem)
+
+
+def _circle(radius_mm: float) -> Target:
+    try:
+        return Target.circle(radius_mm)
+    except TargetError as error:
+        raise UsageError(str(error).replace("radius_mm:", "--radius-mm:")) from None
+
+
+def _overridden(target: Target, overrides: TargetOverrides) -> Target:
+    changes: dict[str, Any] = {}
+    if overrides.count is not None:
+        changes["count"] = None if overrides.count == "all" else overrides.count
+    if overrides.polarity is not None:
+        changes["polarity"] = overrides.polarity.value
+    if overrides.coplanar is not None:
+        changes["coplanar"] = overrides.coplanar
+    if overrides.depth_range_mm is not None:
+        changes["depth_range_mm"] = overrides.depth_range_mm
+    if overrides.major_px is not None or overrides.minor_px is not None:
+        axes = target.axis_intervals or AxisIntervals()
+        changes["axis_intervals"] = AxisIntervals(
+            overrides.major_px or axes.major_px, overrides.minor_px or axes.minor_px
+        )
+    if overrides.radius_sigma_mm is not None:
+        changes["radius_sigma_mm"] = overrides.radius_sigma_mm
+    normal, up = overrides.normal, overrides.up
+    hints = {
+        "normal_hint": _hint("normal", target.normal_hint, normal, overrides.normal_spread_deg, NORMAL_SPREAD_DEG),
+        "up_hint": _hint("up", target.up_hint, up, overrides.up_spread_deg, UP_SPREAD_DEG),
+    }
+    changes.update({key: hint for key, hint in hints.items() if hint is not None})
+    if overrides.facing is not None:
+        facing = overrides.facing
+        changes["facing"] = facing.value if isinstance(facing, SideChoice) else facing
+    return replace(target, **changes)
+
+
+def _hint(
+    option: str, known: DirectionHint | None, direction: Direction | None, spread_deg: float | None, usual_deg: float
+) -> DirectionHint | None:
+    """Return the hint of --`option` and its spread, each from the target where it is left out."""
+    if direction is None and known is not None:
+        direction = known.direction
+    if direction is None:
+        if spread_deg is not None:
+            raise UsageError(f"--{option}-spread-deg: there is no direction that it is of; give --{option} X,Y,Z.")
+        return None
+    if spread_deg is None:
+        spread_deg = usual_deg if known is None else known.spread_deg
+    return DirectionHint(direction, spread_deg)
+
+
+def _no_target(folder: Place, camera_file: Path) -> str:
+    ways = [
+        ("--radius-mm 60", "one circle of radius 60 mm"),
+        ("--target rings.yaml", "a target file, such as: {kind: coplanar, radii_mm: [50, 30]}"),
+        ("target: {radius_mm: 60}", f"a key in the calibration file {camera_file}"),
+    ]
+    if isinstance(folder, Path):
+        ways.insert(2, (str(folder / "target.yaml"), "a target file beside the images"))
+    width = max(len(way) for way, _ in ways)
+    lines = "\n".join(f"  {way:<{width}}  {meaning}" for way, meaning in ways)
+    number = {3: "three", 4: "four"}[len(ways)]
+    return f"{folder}: what to look for in the images there is not known; say it in one of {number} ways:\n{lines}"

@@ -1,0 +1,90 @@
+"""Results to standard output or a file, in the form asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import PurePath
+from typing import IO
+
+from circlepose.errors import UsageError
+from circlepose.io.atomic import is_replaceable_file
+from circlepose.io.remote.images import Place, RemoteFile
+from circlepose.io.tables.paper_layouts import DataFormat, write_results
+from circlepose.io.tables.reference import Reference
+from circlepose.results import ImageResult
+from circlepose_cli.options.declared import FormatChoice, LayoutChoice
+
+_BY_SUFFIX = {
+    ".csv": FormatChoice.CSV,
+    ".tsv": FormatChoice.TSV,
+    ".json": FormatChoice.JSON,
+    ".jsonl": FormatChoice.JSONL,
+    ".ndjson": FormatChoice.JSONL,
+    ".parquet": FormatChoice.PARQUET,
+}
+DELIMITERS = {FormatChoice.CSV: ",", FormatChoice.TSV: "\t"}
+_DATA_FORMATS: dict[FormatChoice, DataFormat] = {
+    FormatChoice.CSV: "csv",
+    FormatChoice.TSV: "tsv",
+    FormatChoice.JSON: "json",
+    FormatChoice.JSONL: "jsonl",
+}
+
+
+def choose_format(
+    asked: FormatChoice | None, output: Place | None, *, to_terminal: bool, of_estimate: bool = True
+) -> FormatChoice:
+    """Return the form asked for, or else a table for a terminal, what a file's ending names, csv for a pipe.
+
+    Raises `UsageError` for an ending that names no form, and for Parquet where it cannot be.
+    """
+    form = asked if asked is not None else _usual_format(output, to_terminal=to_terminal)
+    if form is FormatChoice.PARQUET and not of_estimate:
+        raise UsageError("--format parquet: is a form of estimate's tables alone; give csv, tsv, json or jsonl.")
+    if form is FormatChoice.PARQUET and (output is None or is_compressed(output)):
+        raise UsageError("--format parquet: needs -o FILE, whose name does not end in .gz.")
+    return form
+
+
+def _usual_format(output: Place | None, *, to_terminal: bool) -> FormatChoice:
+    if output is None:
+        return FormatChoice.TABLE if to_terminal else FormatChoice.CSV
+    if not output.name or (not isinstance(output, RemoteFile) and not is_replaceable_file(output)):
+        # A device, a pipe, or a folder, which is refused when it is opened.
+        return FormatChoice.CSV
+    name = PurePath(output.name[:-3] if is_compressed(output) else output.name)
+    form = _BY_SUFFIX.get(name.suffix.lower())
+    if form is None:
+        ending = f"the ending {PurePath(output.name).suffix} names no form" if name.suffix else "has no ending"
+        raise UsageError(
+            f"-o {output}: {ending}; expected .csv, .tsv, .json, .jsonl (each also with .gz) or .parquet, "
+            "or give --format."
+        )
+    return form
+
+
+def is_compressed(output: Place) -> bool:
+    """Tell whether the name of an output asks for gzip."""
+    return output.name.lower().endswith(".gz")
+
+
+def write_output(
+    results: Iterable[ImageResult],
+    handle: IO[str] | IO[bytes],
+    *,
+    output_format: FormatChoice,
+    layout: LayoutChoice,
+    reference: Reference | None = None,
+) -> None:
+    """Write `results` to `handle`, binary for Parquet and text otherwise; `reference` for the layout `table2`."""
+    if output_format is FormatChoice.TABLE:
+        from circlepose_cli.output.table import write_table  # noqa: PLC0415 - needs rich
+
+        write_table(results, handle, layout.value, reference)  # type: ignore[arg-type]
+    elif output_format is FormatChoice.PARQUET:
+        from circlepose.io.tables.parquet import write_parquet  # noqa: PLC0415 - few ask for it
+
+        write_parquet(results, handle)  # type: ignore[arg-type]
+    else:
+        data_format = _DATA_FORMATS[output_format]
+        write_results(results, handle, data_format=data_format, layout=layout.value, reference=reference)  # type: ignore[arg-type]

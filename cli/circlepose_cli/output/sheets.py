@@ -1,0 +1,109 @@
+"""What a study prints: one sheet of rows and notes, as a table for people, CSV, JSON or JSON lines."""
+
+from __future__ import annotations
+
+import csv
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from textwrap import fill, wrap
+from typing import IO, TypeAlias
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from circlepose._version import __version__
+from circlepose.io.tables import columns, json_records
+from circlepose.studies.published import Triple
+from circlepose_cli.options.declared import FormatChoice
+from circlepose_cli.output.destination import open_output, output_place
+from circlepose_cli.output.results import DELIMITERS, choose_format
+
+Cell: TypeAlias = str | float | Triple | None
+_PIPE_WIDTH = 200
+_HEADER_WIDTH = 11
+_NOTE_WIDTH = 120
+
+
+@dataclass(frozen=True, slots=True)
+class Sheet:
+    """The outcome of a study, ready to be printed."""
+
+    name: str
+    """last part of the JSON's schema"""
+    decimals: dict[str, int]
+    """columns in their order, and how many decimals their numbers have; 0 for texts"""
+    rows: tuple[tuple[Cell, ...], ...]
+    notes: tuple[str, ...]
+
+
+def write_sheet(sheet: Sheet, asked: FormatChoice | None, path: Path | None, *, overwrite: bool = False) -> None:
+    """Write `sheet` to standard output or to the file at `path`, in the form asked for or that fits the place."""
+    output = output_place(path)
+    to_terminal = output is None and sys.stdout.isatty()
+    form = choose_format(asked, output, to_terminal=to_terminal, of_estimate=False)
+    with open_output(output, overwrite=overwrite) as handle:
+        if form is FormatChoice.TABLE:
+            _write_table(sheet, handle)
+        elif form in DELIMITERS:
+            _write_csv(sheet, handle, DELIMITERS[form])
+        else:
+            _write_json(sheet, handle, lines=form is FormatChoice.JSONL)
+    if form in {*DELIMITERS, FormatChoice.JSONL}:
+        # Rows alone would not say what their numbers are.
+        for note in sheet.notes:
+            print(note, file=sys.stderr)
+
+
+def _write_table(sheet: Sheet, handle: IO[str]) -> None:
+    console = Console(file=handle, width=None if handle.isatty() else _PIPE_WIDTH, highlight=False)
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+    for header in sheet.decimals:
+        table.add_column("\n".join(wrap(header, _HEADER_WIDTH, break_long_words=False)), overflow="fold")
+    above: list[str] = []
+    for row in sheet.rows:
+        cells = [shown or "--" for shown in _printed(sheet, row)]
+        repeats = bool(above) and cells[0] == above[0]
+        table.add_row(*map(Text, ["" if repeats else cells[0], *cells[1:]]))
+        above = cells
+    console.print(table)
+    for note in sheet.notes:
+        handle.write(fill(note, min(console.width, _NOTE_WIDTH), break_on_hyphens=False) + "\n")
+
+
+def _write_csv(sheet: Sheet, handle: IO[str], delimiter: str) -> None:
+    writer = csv.writer(handle, lineterminator="\n", delimiter=delimiter)
+    writer.writerow(sheet.decimals)
+    writer.writerows(_printed(sheet, row) for row in sheet.rows)
+
+
+def _write_json(sheet: Sheet, handle: IO[str], *, lines: bool) -> None:
+    schema = f"circlepose.study.{sheet.name}/1"
+    rows: list[dict[str, object]] = [
+        {
+            column: list(value) if isinstance(value, tuple) else value
+            for column, value in zip(sheet.decimals, row, strict=True)
+        }
+        for row in sheet.rows
+    ]
+    if lines:
+        handle.writelines(json_records.dumps({"schema": schema, **row}) + "\n" for row in rows)
+        return
+    head = json_records.dumps({"schema": schema, "version": __version__, "notes": list(sheet.notes)})
+    body = ",\n".join(json_records.dumps(row) for row in rows)
+    handle.write(f'{head[:-1]}, "rows": [\n{body}\n]}}\n')
+
+
+def _printed(sheet: Sheet, row: tuple[Cell, ...]) -> list[str]:
+    """Return the cells as texts: a vector as in print, nothing for None."""
+    return [_text(value, decimals) for value, decimals in zip(row, sheet.decimals.values(), strict=True)]
+
+
+def _text(value: Cell, decimals: int) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, tuple):
+        return f"({', '.join(columns.fixed(each, decimals) for each in value)})"
+    return value if isinstance(value, str) else columns.fixed(value, decimals)

@@ -1,0 +1,127 @@
+"""`circlepose check` at work: two tables -> their comparison -> output, and the exit code."""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+
+from circlepose.errors import ArgumentError, UsageError
+from circlepose.evaluation.compare import CHANGE_MEANING, CandidateChoice, Comparison, Tolerance, compare
+from circlepose.io.inputs.images import STDIN
+from circlepose.io.output_conflicts import Outputs
+from circlepose.io.tables.reader import PoseFile, read_pose_file
+from circlepose.io.text.escaping import printable
+from circlepose.io.text.source import MAX_TABLE_BYTES, read_regular
+from circlepose_cli.options.declared import FormatChoice
+from circlepose_cli.output.destination import open_output
+from circlepose_cli.output.results import choose_format
+from circlepose_cli.reports.check import write_comparison
+
+OUTSIDE_TOLERANCE = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """What the command line asks for."""
+
+    poses: str
+    against: Path
+    position_mm: float
+    normal_deg: float
+    candidate: CandidateChoice
+    update: bool
+    output_format: FormatChoice | None
+    quiet: bool
+
+
+def run(request: Request) -> int:
+    """Compare, print what differs, and return the exit code."""
+    tolerance = _tolerance(request)
+    if request.update:
+        Outputs([request.against]).refuse(0 if request.poses == STDIN else Path(request.poses), "the poses")
+    measured = _read_poses(request.poses)
+    if request.update and not request.against.exists():
+        _update(measured, request)
+        return 0
+    content = read_regular(str(request.against), UsageError, MAX_TABLE_BYTES)
+    reference = read_pose_file(content, str(request.against), truth_allowed=True)
+    if request.update:
+        _refuse_update(measured, reference)
+    comparison = compare(measured.table, reference.table, tolerance, request.candidate)
+    output_format = choose_format(request.output_format, None, to_terminal=sys.stdout.isatty(), of_estimate=False)
+    write_comparison(comparison, tolerance, sys.stdout, output_format)
+    for note in comparison.notes:
+        _tell(note, request)
+    _tell(_summary(comparison, tolerance), request)
+    if request.update:
+        _update(measured, request)
+        return 0
+    return OUTSIDE_TOLERANCE if comparison.differences else 0
+
+
+def _tolerance(request: Request) -> Tolerance:
+    try:
+        return Tolerance(request.position_mm, request.normal_deg)
+    except ArgumentError as error:
+        raise UsageError(f"--{str(error).replace('_', '-', 1)}") from None
+
+
+def _read_poses(poses: str) -> PoseFile:
+    if poses != STDIN:
+        return read_pose_file(read_regular(poses, UsageError, MAX_TABLE_BYTES), poses)
+    if sys.stdin is None:
+        raise UsageError("-: there is no standard input to read poses from.")
+    content = sys.stdin.buffer.read(MAX_TABLE_BYTES + 1)
+    if len(content) > MAX_TABLE_BYTES:
+        raise UsageError(f"standard input: is larger than {MAX_TABLE_BYTES // 1_000_000} MB, the most that is read.")
+    return read_pose_file(content, "standard input")
+
+
+def _refuse_update(measured: PoseFile, reference: PoseFile) -> None:
+    if reference.table.is_truth:
+        raise UsageError(
+            f"--update: {reference.name} is a truth, without the columns method and solution, and is never "
+            "overwritten; name a baseline."
+        )
+    if measured.form != reference.form:
+        raise UsageError(
+            f"--update: {reference.name} is {reference.form} and {measured.name} is {measured.form}; make the "
+            f"poses with --format {reference.form}, or remove the baseline first."
+        )
+
+
+def _update(measured: PoseFile, request: Request) -> None:
+    # The baseline was read as a table of poses, whatever wrote it.
+    with open_output(request.against, binary=True, overwrite=True) as handle:
+        handle.write(measured.content)
+    _tell(f"{request.against}: now holds {_circles(len(measured.table.circles))} of {measured.name}", request)
+
+
+def _summary(comparison: Comparison, tolerance: Tolerance) -> str:
+    limits = f"{tolerance.position_mm:g} mm and {tolerance.normal_deg:g} deg"
+    parts = [f"{_circles(comparison.compared)} compared"]
+    counts = Counter(difference.change for difference in comparison.differences)
+    if counts:
+        kinds = ", ".join(f"{counts[change]} {change}" for change in CHANGE_MEANING if counts[change])
+        parts.append(f"outside {limits}: {kinds}")
+    else:
+        parts.append(f"all within {limits}")
+    largest = [
+        f"{value:.3g} {unit}"
+        for value, unit in ((comparison.largest_position_mm, "mm"), (comparison.largest_normal_deg, "deg"))
+        if value is not None
+    ]
+    if largest:
+        parts.append(f"largest difference {', '.join(largest)}")
+    return "; ".join(parts)
+
+
+def _circles(number: int) -> str:
+    return f"{number} circle{'' if number == 1 else 's'}"
+
+
+def _tell(message: str, request: Request) -> None:
+    if not request.quiet:
+        print(printable(message), file=sys.stderr)

@@ -1,0 +1,267 @@
+"""`circlepose estimate` at work: inputs -> work items -> results -> output, and the exit code."""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from collections.abc import Generator, Iterable, Iterator
+from contextlib import ExitStack, closing, nullcontext, suppress
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from circlepose.batch.journal import Journal
+from circlepose.batch.measure import MeasureOptions, WorkItem, available_cores, measure_files
+from circlepose.batch.resume import measure_with_journal
+from circlepose.errors import ArgumentError, UsageError
+from circlepose.io.images.unread_kinds import skipped_line
+from circlepose.io.inputs.images import STDIN, InputImage, are_streamed, expand_inputs
+from circlepose.io.output_conflicts import Outputs
+from circlepose.io.remote.images import Place
+from circlepose.io.tables.reference import Reference, read_reference
+from circlepose.results import ImageResult
+from circlepose.solvers import methods_for
+from circlepose_cli.console.interruption import EXIT_CODE as INTERRUPTED
+from circlepose_cli.console.interruption import Interruption
+from circlepose_cli.console.progress import Reporter, follow
+from circlepose_cli.console.stdin_lines import standard_input
+from circlepose_cli.options.declared import (
+    ExtractionChoice,
+    FormatChoice,
+    LayoutChoice,
+    MethodChoice,
+    StdinChoice,
+    TargetOverrides,
+)
+from circlepose_cli.options.setup import Setup, Setups
+from circlepose_cli.output.destination import Unfinished, open_journal, open_output, output_place
+from circlepose_cli.output.overlay_names import OverlayNames
+from circlepose_cli.output.results import choose_format, write_output
+
+SOME_FAILED = 3
+BUG = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """What the command line asks for."""
+
+    inputs: tuple[str, ...]
+    stdin: StdinChoice
+    nul: bool
+    recursive: bool
+    calib: Path | None
+    camera_name: str | None
+    target_file: Path | None
+    radius_mm: float | None
+    overrides: TargetOverrides
+    method: MethodChoice
+    refine: bool
+    extraction: ExtractionChoice
+    scale_calibration: bool
+    force_calibration: bool
+    output_format: FormatChoice | None
+    layout: LayoutChoice
+    reference: Path | None
+    output: str | None
+    overlay: Path | None
+    overwrite: bool
+    jobs: int | None
+    cluster: str | None
+    timeout_s: float | None
+    resume: bool
+    quiet: bool
+    verbose: bool
+
+
+def run(request: Request) -> int:
+    """Measure all images that are asked for and return the exit code."""
+    with ExitStack() as held:
+        return _run(request, held)
+
+
+def _run(request: Request, held: ExitStack) -> int:
+    if request.cluster is not None and request.jobs is not None:
+        raise UsageError("--jobs, --cluster: give one of them; how many measure is the cluster's affair.")
+    output = output_place(request.output)
+    to_terminal = output is None and sys.stdout.isatty()
+    output_format = choose_format(request.output_format, output, to_terminal=to_terminal)
+    _check_form(output_format, request)
+    outputs = Outputs([output])
+    reporter = Reporter(quiet=request.quiet, verbose=request.verbose)
+    setups = Setups(
+        calib=request.calib,
+        camera_name=request.camera_name,
+        target_file=request.target_file,
+        radius_mm=request.radius_mm,
+        overrides=request.overrides,
+        force_calibration=request.force_calibration,
+        tell=lambda folder, setup: _accept_setup(reporter, outputs, folder, setup, request.method),
+    )
+    reference = _reference(request)
+    outputs.refuse(request.reference, "the reference")
+    if STDIN in request.inputs:
+        # Standard output may be the list, too: `< list >> list`.
+        (Outputs([1]) if output is None else outputs).refuse(0, "the list of images")
+    skipped: Counter[str] = Counter()
+    images, total = _images(request, setups, outputs, skipped, held)
+    if reference is not None and total is not None:
+        _check_reference(reference, request, images)
+    overlays = (
+        None
+        if request.overlay is None
+        else OverlayNames(request.overlay, images if total else (), overwrite=request.overwrite)
+    )
+    if overlays is not None:
+        _refuse_pictures(overlays, output, request, images if total else (), setups)
+    items = _work_items(images, setups, overlays, overwrite=request.overwrite)
+    options = MeasureOptions(
+        request.method.value,
+        request.refine,
+        request.scale_calibration,
+        request.extraction.value,
+        request.force_calibration,
+    )
+    # Rows that go to the terminal one by one would tear a bar.
+    shows_bar = not (to_terminal and output_format is not FormatChoice.TABLE)
+    with (
+        Interruption() as interruption,
+        open_journal(output, options, resume=request.resume, overwrite=request.overwrite) or nullcontext() as journal,
+    ):
+        if journal is not None and journal.discarded:
+            reporter.note(f"{journal.path}: was left by an unfinished run; it is begun anew, without --resume")
+        if journal is not None and request.resume and journal.is_new:
+            reporter.note(f"{journal.path}: there is nothing to go on with; all images are measured")
+        is_binary = output_format is FormatChoice.PARQUET
+        with suppress(Unfinished), open_output(output, binary=is_binary, overwrite=request.overwrite) as handle:
+            bar = reporter.running(total, shows_bar=shows_bar)
+            measured = _measured(items, options, request, reporter, journal, total)
+            with closing(follow(measured, reporter, bar, interruption)) as results:
+                write_output(results, handle, output_format=output_format, layout=request.layout, reference=reference)
+            if interruption.received:
+                # A part of the table must not take the place of a whole one.
+                raise Unfinished
+        is_done = not (interruption.received or reporter.lost)
+        if journal is not None and journal.reused:
+            reporter.note(f"{journal.reused} finished before")
+        if journal is not None and is_done:
+            journal.remove()
+    if skipped:
+        reporter.note(skipped_line(skipped))
+    reporter.summary(
+        total,
+        interrupted=interruption.received,
+        resumable=journal is not None and not is_done,
+        counted=request.overrides.count is not None,
+        coplanar=bool(request.overrides.coplanar),
+    )
+    if interruption.received:
+        return INTERRUPTED
+    if reporter.bugs:
+        return BUG
+    return SOME_FAILED if reporter.failures else 0
+
+
+def _measured(
+    items: Iterable[WorkItem],
+    options: MeasureOptions,
+    request: Request,
+    reporter: Reporter,
+    journal: Journal | None,
+    total: int | None,
+) -> Generator[ImageResult, None, None]:
+    # A stream may be slow or endless: without workers a silent producer would hold back what is done.
+    jobs = available_cores() if total is None and request.jobs is None else request.jobs
+    measure = partial(measure_files, jobs=jobs)
+    if request.cluster is not None:
+        from circlepose.batch.cluster.run import measure_on_cluster  # noqa: PLC0415 - few ask for it
+
+        measure = partial(measure_on_cluster, address=request.cluster, tell=reporter.note)
+    measure = partial(measure, options=options, timeout_s=request.timeout_s, on_bug=reporter.bug)
+    return measure(items) if journal is None else measure_with_journal(items, journal, measure, reporter.note)
+
+
+def _images(
+    request: Request, setups: Setups, outputs: Outputs, skipped: Counter[str], held: ExitStack
+) -> tuple[Iterable[InputImage], int | None]:
+    """Return the images and, unless they come as a stream, their number, once all have a setup."""
+    stdin = (
+        standard_input(sys.stdin.buffer, request.stdin, held, nul=request.nul, has_camera=request.calib is not None)
+        if sys.stdin
+        else None
+    )
+    images = _guarded(expand_inputs(request.inputs, stdin, request.recursive, skipped), outputs)
+    if are_streamed(request.inputs):
+        return images, None
+    known = list(images)
+    for image in known:
+        setups.for_image(image.path)
+    return known, len(known)
+
+
+def _refuse_pictures(
+    overlays: OverlayNames, output: Place | None, request: Request, images: Iterable[InputImage], setups: Setups
+) -> None:
+    """Raise `UsageError` where a picture would be written over a file that is read, or over the table."""
+    pictures = Outputs(overlays.replaced)
+    if overlays.replaced:
+        for image in images:
+            pictures.refuse(image.path, "an image to measure")
+            setup = setups.for_image(image.path)
+            pictures.refuse(setup.camera_file.path, "the calibration")
+            pictures.refuse(setup.target_path, "the target")
+    pictures.refuse(request.reference, "the reference")
+    pictures.refuse(output, "the table of -o")
+
+
+def _guarded(images: Iterable[InputImage], outputs: Outputs) -> Iterator[InputImage]:
+    for image in images:
+        outputs.refuse(image.path, "an image to measure")
+        yield image
+
+
+def _reference(request: Request) -> Reference | None:
+    if request.reference is None:
+        return None
+    if request.layout is not LayoutChoice.TABLE2:
+        raise UsageError("--reference: goes with --layout table2; circlepose check compares whole tables.")
+    return read_reference(request.reference)
+
+
+def _check_reference(reference: Reference, request: Request, images: Iterable[InputImage]) -> None:
+    names = [image.name for image in images]
+    if not any(reference.knows(name) for name in names):
+        ours, theirs = names[0], next(iter(reference.by_image), "none")
+        raise UsageError(
+            f"--reference: {request.reference} has none of the images; it names {theirs}, they are {ours}."
+        )
+
+
+def _work_items(
+    images: Iterable[InputImage], setups: Setups, overlays: OverlayNames | None, *, overwrite: bool
+) -> Iterator[WorkItem]:
+    for image in images:
+        setup = setups.for_image(image.path)
+        overlay = None if overlays is None else overlays.path_for(image)
+        yield WorkItem(image.path, image.name, setup.camera_file.camera, setup.target, overlay, overwrite)
+
+
+def _check_form(output_format: FormatChoice, request: Request) -> None:
+    if output_format is FormatChoice.PARQUET:
+        from circlepose.io.tables.parquet import require_parquet  # noqa: PLC0415 - few ask for it
+
+        if request.layout is not LayoutChoice.POSES:
+            raise UsageError("--format parquet: goes with --layout poses.")
+        require_parquet()
+
+
+def _accept_setup(reporter: Reporter, outputs: Outputs, folder: Place, setup: Setup, method: MethodChoice) -> None:
+    outputs.refuse(setup.camera_file.path, "the calibration")
+    outputs.refuse(setup.target_path, "the target")
+    try:
+        methods_for(setup.target.kind, method.value)
+    except ArgumentError as error:
+        raise UsageError(f"{setup.target_origin}: --{error}") from None
+    for note in setup.notes:
+        reporter.note(note)
+    reporter.detail(f"{folder}: camera {setup.camera_file.path}, target {setup.target_origin}")

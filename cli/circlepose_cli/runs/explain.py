@@ -1,0 +1,104 @@
+"""`circlepose explain` at work: one image -> its report, and its picture where one is asked for."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from circlepose.diagnostics.explain import explain
+from circlepose.errors import UsageError
+from circlepose.io.images.reader import read_image, write_image
+from circlepose.io.inputs.images import STDIN, InputImage, expand_inputs
+from circlepose.io.output_conflicts import Outputs
+from circlepose.io.tables import json_records
+from circlepose.io.text.escaping import printable
+from circlepose.results import Status
+from circlepose_cli.options.declared import ExtractionChoice, ReportFormat, TargetOverrides
+from circlepose_cli.options.names import with_options_named
+from circlepose_cli.options.setup import Setup, Setups
+from circlepose_cli.output.destination import open_output
+from circlepose_cli.reports.explain import report_record, report_text
+
+FAILED = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """What the command line asks for."""
+
+    image: str
+    calib: Path | None
+    camera_name: str | None
+    target_file: Path | None
+    radius_mm: float | None
+    overrides: TargetOverrides
+    refine: bool
+    extraction: ExtractionChoice
+    scale_calibration: bool
+    force_calibration: bool
+    picture: Path | None
+    overwrite: bool
+    report_format: ReportFormat
+    quiet: bool
+
+
+def run(request: Request) -> int:
+    """Explain the image that is asked for and return the exit code."""
+    image = _one_image(request.image)
+    setups = Setups(
+        calib=request.calib,
+        camera_name=request.camera_name,
+        target_file=request.target_file,
+        radius_mm=request.radius_mm,
+        overrides=request.overrides,
+        force_calibration=request.force_calibration,
+        tell=lambda _, setup: _tell(request, setup),
+    )
+    setup = setups.for_image(image.path)
+    outputs = Outputs([request.picture])
+    outputs.refuse(image.path, "the image to explain")
+    outputs.refuse(setup.camera_file.path, "the calibration")
+    outputs.refuse(setup.target_path, "the target")
+    camera = setup.camera_file.camera
+    pixels = read_image(image.path)
+    explanation = explain(
+        pixels,
+        camera,
+        setup.target,
+        refine=request.refine,
+        extraction=request.extraction.value,
+        scale_calibration=request.scale_calibration,
+        force_calibration=request.force_calibration,
+        name=image.name,
+    )
+    explanation = replace(explanation, result=with_options_named(explanation.result))
+    if request.picture is not None:
+        from circlepose.drawing.explanation import draw_explanation  # noqa: PLC0415 - drawing is rarely asked for
+
+        drawn = draw_explanation(pixels, explanation, camera)
+        write_image(request.picture, drawn, drawn=True, overwrite=request.overwrite)
+    with open_output(None) as handle:
+        if request.report_format is ReportFormat.JSON:
+            handle.write(json_records.dumps(report_record(explanation)) + "\n")
+        else:
+            handle.write(report_text(explanation, f"{setup.camera_file.path}", setup.target_origin) + "\n")
+    return 0 if explanation.result.status is Status.OK else FAILED
+
+
+def _one_image(typed: str) -> InputImage:
+    if typed == STDIN:
+        raise UsageError("-: explain takes the name of one image; to measure many there is circlepose estimate.")
+    first, *others = list(expand_inputs([typed]))
+    if others:
+        raise UsageError(
+            f"{typed}: explain takes one image, these are {len(others) + 1}; name one, such as {first.path}."
+        )
+    return first
+
+
+def _tell(request: Request, setup: Setup) -> None:
+    if request.quiet:
+        return
+    for note in setup.notes:
+        print(printable(note), file=sys.stderr)

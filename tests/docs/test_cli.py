@@ -1,0 +1,96 @@
+"""The manual and the command line agree: every command and option has help and is in docs/cli.md."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+import typer.main
+
+from circlepose.io.tables.columns import COLUMN_MEANING
+from circlepose.results import FLAG_MEANING, STATUS_MEANING
+from circlepose_cli.app import app, main
+from circlepose_cli.options.declared import FormatChoice, LayoutChoice, MethodChoice, PolarityChoice, ReportFormat
+
+COMMANDS = typer.main.get_command(app).commands
+
+
+@pytest.fixture(scope="module")
+def manual(project_root):
+    return (project_root / "docs" / "cli.md").read_text(encoding="utf-8")
+
+
+def section(manual, command):
+    return re.split(r"^## ", manual.split(f"\n## circlepose {command}\n")[1], flags=re.MULTILINE)[0]
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_and_parameter_has_help(name):
+    command = COMMANDS[name]
+    assert command.help
+    assert len(command.get_short_help_str(100)) <= 50
+    for parameter in command.params:
+        assert parameter.help, parameter.name
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_and_option_is_in_the_manual(manual, name):
+    text = section(manual, name)
+    assert f"(#circlepose-{name})" in manual
+    for parameter in COMMANDS[name].params:
+        for option in (*parameter.opts, *parameter.secondary_opts):
+            if option.startswith("-") and option != "--help":
+                assert f"`{option}" in text, option
+
+
+@pytest.mark.parametrize("choices", [MethodChoice, PolarityChoice, FormatChoice, LayoutChoice, ReportFormat])
+def test_every_choice_is_in_the_manual(manual, choices):
+    for choice in choices:
+        assert re.search(rf"`(--[a-z]+ )?{choice.value}`", manual), choice
+
+
+def test_every_column_is_in_the_manual(manual):
+    for column, meaning in COLUMN_MEANING.items():
+        assert f"| `{column}` | {meaning} |" in manual
+
+
+def test_every_exit_code_is_in_the_manual(manual):
+    for code in (0, 1, 2, 3, 130):
+        assert f"\n| {code} | " in manual
+
+
+def test_statuses_explains_all_of_them(capsys):
+    assert main(["statuses"]) == 0
+    out = capsys.readouterr().out
+    for name, meaning in {**STATUS_MEANING, **FLAG_MEANING}.items():
+        assert re.search(rf"^  {re.escape(name)} +{re.escape(meaning)}$", out, re.MULTILINE)
+
+
+@pytest.mark.parametrize(
+    "command",
+    ["camera configs/calibration/opencv.yaml", "inspect sample_images/coplanar/b.png --rings", "statuses"],
+)
+def test_sample_output_in_the_manual_is_what_is_printed(manual, command, capsys, monkeypatch, project_root):
+    monkeypatch.chdir(project_root)
+    assert main(command.split()) == 0
+    printed = capsys.readouterr().out
+    assert f"```console\n$ circlepose {command}\n{printed}```\n" in manual
+
+
+SCENE = """
+camera: {fx: 400, fy: 400, cx: 159.5, cy: 119.5, image_size: [320, 240]}
+views:
+  - image: small
+    targets:
+      - {kind: disc, center_mm: [10, -5, 200], normal: [0.5, 0.1, -0.8], radius_mm: 20, level: 40}
+"""
+
+
+def test_render_makes_what_estimate_measures(capsys, tmp_path):
+    (tmp_path / "scene.yaml").write_text(SCENE)
+    assert main(["render", str(tmp_path / "scene.yaml"), "-o", str(tmp_path / "out")]) == 0
+    written = [Path(line).name for line in capsys.readouterr().out.splitlines()]
+    assert written == ["small.png", "camera.yml", "target.yaml", "truth.csv"]
+    assert main(["estimate", str(tmp_path / "out")]) == 0
+    assert "small.png,0,disc" in capsys.readouterr().out
