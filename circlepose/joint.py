@@ -111,8 +111,12 @@ class JointPose:
     def log_weight(self) -> float:
         """Logarithm of the probability of all poses around this one, up to a constant."""
         told = self.covariance[:5, :5] if self.covariance[5, 5] == 0.0 else self.covariance
-        likelihood = -0.5 * (_FREEDOM + self.freedom) * np.log1p(self.misfit / _FREEDOM)
-        return float(likelihood + 0.5 * np.linalg.slogdet(told)[1])
+        return float(log_likelihood(self.misfit, self.freedom) + 0.5 * np.linalg.slogdet(told)[1])
+
+
+def log_likelihood(misfit: float, freedom: int) -> float:
+    """Return the logarithm of Student's t of a chi-square `misfit` of `freedom` dimensions, up to a constant."""
+    return float(-0.5 * (_FREEDOM + freedom) * np.log1p(misfit / _FREEDOM))
 
 
 def from_levels(factor: FloatArray, radius: float, modes_covariance: FloatArray) -> RimEvidence:
