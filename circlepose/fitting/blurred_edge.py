@@ -21,7 +21,8 @@ import numpy as np
 
 from circlepose._typing import FloatArray, RealArray
 from circlepose.fitting.band import Bands
-from circlepose.fitting.blurred_share import SHAPES, Places, Share, normal_share
+from circlepose.fitting.blurred_share import SHAPES, Places, Share
+from circlepose.fitting.normal import normal_share
 
 LINEAR = 11
 """Levels in all: harmonic polynomials inside and outside, and the term beside a Gaussian."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from circlepose._typing import BoolArray, FloatArray, IntArray
 from circlepose.conic import Ellipse, rim_distance
-from circlepose.fitting.blurred_share import normal_share
+from circlepose.fitting.normal import normal_share
 
 _REACH_SIGMA = 3.5
 _AT_ONCE = 64
