@@ -1,9 +1,9 @@
 """The share of a rim's inside in the level of a pixel near a sharp tip, under Gaussian blur. Many pixels at once.
 
-At the tips of a sliver the radius of curvature b^2/a is far below the blur. A few lines across the rim then miss the
-tip, whose width is below their distance, and the ellipse is fitted too short. In the coordinates p, where the rim is
-the unit circle and the pixel is at p = (alpha, beta), the blur is a Gaussian with principal deviations s (along alpha)
-and S >= s (along beta), and the share is
+At the tips of a sliver the radius of curvature b^2/a is far below the blur. A few lines across the rim then miss
+the tip, whose width is below their distance, and the ellipse is fitted too short. In the coordinates p the rim is the
+unit circle. With the pixel at p = (alpha, beta), the blur is a Gaussian with principal deviations s (along alpha) and
+S >= s (along beta), and the share is
 
     c = integral over u of G(sin u - alpha; s) [Phi((cos u - beta)/S) - Phi((-cos u - beta)/S)] cos u du,
 
