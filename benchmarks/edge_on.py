@@ -177,8 +177,9 @@ def sliver_row(slivers: Slivers, number: int) -> str:
         normals.append(off[1])
     return (
         f"| {slivers.semi_major_px:.0f} | {slivers.tilt_deg:.1f} | {slivers.noise_levels:g} "
-        f"| {len(long_by)}/{number} | {np.mean(long_by):+.4f} / {rms(long_by):.4f} | {rms(along):.2f} | {rms(sigmas) ** 2:.1f} | "
-        f"{sum(each > 3.0 for each in sigmas)} | {sum(each > SIGMAS for each in sigmas)} | {rms(normals) ** 2:.1f} |"
+        f"| {len(long_by)}/{number} | {np.mean(long_by):+.4f} / {rms(long_by):.4f} | {rms(along):.2f} "
+        f"| {rms(sigmas) ** 2:.1f} | {sum(each > 3.0 for each in sigmas)} "
+        f"| {sum(each > SIGMAS for each in sigmas)} | {rms(normals) ** 2:.1f} |"
     )
 
 

@@ -24,8 +24,9 @@ _NODES, _NODE_WEIGHTS = np.polynomial.legendre.leggauss(24)
 _REACH_SIGMA = 4.5
 _SHARP = 0.2
 """Blur over radius of curvature from which the lines across the rim are too few; below it they err by 1e-4."""
-_WIDE = 0.2
-"""The same of their spread over half the width of the sliver, for pixels on its axis, whose lines run along it."""
+_WIDE, _NARROW = 0.2, 0.1
+"""The same of their spread over half the width of a sliver, for pixels on its axis, whose lines run along it; and
+blur over semi-minor axis of what is a sliver. With less the quadrature is too coarse for pixels not at a tip."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,7 +86,8 @@ def near_tips(pixels: Blurred) -> IntArray:
     squared = place * blur.small**2 + (1.0 - place) * blur.large**2
     is_sharp = (blur.small * blur.large) ** 2 > _SHARP * squared**1.5
     spread = pixels.along**2 * (pixels.sideways[0] ** 2 + pixels.sideways[1] ** 2)
-    return np.flatnonzero(is_sharp | (spread > _WIDE**2 * (1.0 - blur.alpha**2)))
+    is_wide = (blur.large > _NARROW) & (spread > _WIDE**2 * (1.0 - blur.alpha**2))
+    return np.flatnonzero(is_sharp | is_wide)
 
 
 def tip_sums(pixels: Blurred) -> RealArray:
