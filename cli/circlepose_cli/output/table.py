@@ -11,10 +11,9 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from circlepose.io.tables import Layout, paper_layouts
 from circlepose.io.tables import columns as tables
-from circlepose.io.tables import paper_layouts
 from circlepose.io.tables.columns import Row
-from circlepose.io.tables.paper_layouts import Layout
 from circlepose.io.tables.reference import Reference
 from circlepose.io.text.escaping import printable, quoted
 from circlepose.results import ImageResult
