@@ -23,8 +23,8 @@ from circlepose.fitting.cone_fit import (
 )
 from circlepose.fitting.cone_projection import image_ellipses, residuals_px, rim_pixels
 from circlepose.fitting.ransac import local_scatter, on_one_ellipse
-from circlepose.geometry.cone import SIGNATURE
-from circlepose.geometry.cone_perturbation import amounts_between
+from circlepose.geometry.cone import SIGNATURE, principal_frame
+from circlepose.geometry.cone_perturbation import MODES, amounts_between
 from circlepose.geometry.conic import Ellipse
 from circlepose.imaging.subpixel_edges import contour_normals, locate_edges
 from circlepose.photometry.thin.fit import STRUCTURED, ThinEllipse, are_thin, fit_thin_ellipse
@@ -91,6 +91,9 @@ class Rim:
     """the levels were tried, and tell nothing better than the edges"""
     score: float | None = None
     """of the contour that it was found as; None where it was looked for at a known place"""
+    least_width_px: float = 0.35
+    """semi-minor axis below which it is taken to be seen edge-on: the levels of an image cannot distinguish a thin
+    disc of high contrast from a thicker one of low contrast"""
     ellipse_covariance: FloatArray | None = None
     """(5, 5) of a sliver's ellipse, see `ThinEllipse`: it was measured from its levels, of which edges know less"""
 
@@ -300,16 +303,30 @@ def rim_from_fit(
 
 
 def segment_from_fit(camera: Camera, fit: ConeFit, points: FloatArray) -> Rim:
-    """Return the rim of a flat cone fitted to `points` (n, 2): a segment, straight between its ends in the image."""
-    ends = camera.project(fit.factor[:, 2] + np.array([[-1.0], [1.0]]) * fit.factor[:, 0])
-    half = (ends[1] - ends[0]) / 2.0
-    ellipse = Ellipse.from_axes(ends.mean(axis=0), [np.hypot(*half), 0.0], np.arctan2(half[1], half[0]))
+    """Return the rim of a flat cone fitted to `points` (n, 2): a segment or sliver, straight in the image."""
+    frame = principal_frame(fit.factor)
+    u, v, w = frame.rotation.T
+    sides = np.array([[-1.0], [1.0]])
+    ends = camera.project(w + sides * frame.tan_half_major * u)
+    half, across = (
+        np.diff(ends, axis=0)[0] / 2.0,
+        np.diff(camera.project(w + sides * frame.tan_half_minor * v), axis=0),
+    )
+    axes = [np.hypot(*half), np.hypot(*across[0]) / 2.0]
+    ellipse = Ellipse.from_axes(ends.mean(axis=0), axes, np.arctan2(half[1], half[0]))
     return Rim(fit, points, ellipse, 1.0, 1, _axis_error_px(fit, len(points)))
+
+
+def as_given(rim: Rim) -> Rim:
+    """Return the rim of points that were given, not found in an image: only their scatter says how exact they are."""
+    freedom = max(len(rim.points) - MODES, 1)
+    error = rim.cone.rms_px * np.sqrt(len(rim.points) / freedom) / np.sqrt(len(rim.points) / 4.0)
+    return replace(rim, axis_error_px=float(error), least_width_px=0.0)
 
 
 def has_length(rim: Rim) -> bool:
     """Tell whether the points of a rim, by their scatter about it, settle its semi-major axis."""
-    error = float(axis_errors(rim.ellipse, rim.points, max(rim.cone.rms_px, _LEAST_NOISE_PX))[0])
+    error = float(axis_errors(rim.ellipse, rim.points, rim.cone.rms_px)[0])
     return error < _WORST_LENGTH * float(rim.ellipse.semi_major)
 
 

@@ -18,8 +18,6 @@ from circlepose.uncertainty.pose_covariance import pose_covariances, segment_cov
 
 _SIGMAS = 3.0
 """Standard errors by which two semi-axes must differ, or one from 0, to be told apart."""
-_SEGMENT_PX = 0.35
-"""Semi-minor axis below which levels cannot tell a thin disc of high contrast from a thicker one of low contrast."""
 _NEAR_RIGHT = 8.0
 """The tilt is ill-determined while the semi-axes differ by less than so many standard errors."""
 _SLIVER_PX = 2.0
@@ -135,7 +133,7 @@ def _settled_factors(rims: Sequence[Rim], frames: PrincipalFrame) -> FloatArray:
     per_px = s / np.array([float(rim.ellipse.semi_major) for rim in rims])
     error = _SIGMAS * np.array([rim.axis_error_px for rim in rims]) * per_px
     right = s - t < error
-    flat = ~right & (t < np.maximum(error, _SEGMENT_PX * per_px))
+    flat = ~right & (t < np.maximum(error, np.array([rim.least_width_px for rim in rims]) * per_px))
     mean = np.sqrt(s * t)
     axes = np.stack([np.where(right, mean, s), np.where(right, mean, 0.0), np.ones_like(s)], axis=-1)
     return np.where((right | flat)[:, None, None], frames.rotation * axes[:, None, :], factors)

@@ -16,7 +16,7 @@ from circlepose.errors import ArgumentError
 from circlepose.fitting.cone_fit import SeenPoints, fit_cone_to
 from circlepose.fitting.direct import MINIMUM_POINTS
 from circlepose.fitting.segment_cone import fit_flat_cone, is_flat
-from circlepose.measurement.edge_fit import Rim, has_length, rim_from_fit, segment_from_fit
+from circlepose.measurement.edge_fit import Rim, as_given, has_length, rim_from_fit, segment_from_fit
 from circlepose.measurement.poses import circle_results
 from circlepose.results import CircleResult, Status
 from circlepose.solvers import CIRCLE_METHODS
@@ -49,8 +49,13 @@ def estimate_from_contour(
 
     Returns
     -------
-    As `circlepose.estimate` gives for a lone circle. Of a segment, a circle seen edge-on, `chen-huang` and
-    `chen-huang-contour` give two poses: one centre and opposite normals. What is wrong with a contour is a status:
+    As `circlepose.estimate` gives for a lone circle. How exact the points are follows from their scatter about the
+    ellipse alone: the cone is right, or degenerate, where the axes differ by less than three standard errors, or the
+    minor axis is less than three. On the exact contour of 16 points or more the pose is exact, also nearly frontal,
+    but for rounding: within 1e-15/w of the distance, of an image with the axis ratio w. An image with w < 1e-10 is a
+    segment. Its ends are points of the contour, so with n points the center is within 1 - cos(pi/n) of the distance.
+    Of a segment, a circle seen edge-on, `chen-huang` and `chen-huang-contour` give two poses: one centre and opposite
+    normals. What is wrong with a contour is a status:
     `too_few_points`, `points_coincide`, `self_crossing`, `touches_border` (the camera must know its image size),
     `no_pose`.
 
@@ -117,11 +122,13 @@ def _rim(points: FloatArray, camera: Camera) -> Rim | str:
     fit = fit_cone_to(seen)
     rim = None if fit is None or is_flat(fit) else rim_from_fit(camera, fit, points)
     flat = fit_flat_cone(seen)
+    if flat is not None and np.any(flat.factor[:, 1] != 0.0):
+        return as_given(segment_from_fit(camera, flat, points))
     is_wide = flat is None and rim is not None and float(rim.ellipse.semi_minor) > _SLIVER_PX
     if rim is not None and (is_wide or has_length(rim)):
-        return rim
+        return as_given(rim)
     if flat is not None:
-        return segment_from_fit(camera, flat, points)
+        return as_given(segment_from_fit(camera, flat, points))
     if rim is not None:
         return "the contour is nearly a segment and its points do not settle how long it is"
     return "no ellipse fits the contour, and it is no segment either; or it lies outside the lens model"

@@ -29,14 +29,16 @@ def camera(
     """
     process.begin(verbose=verbose)
     from circlepose.io.calibration.reader import read_camera_file  # noqa: PLC0415 - needs NumPy
+    from circlepose.io.target_file import read_target, target_from_mapping  # noqa: PLC0415
     from circlepose_cli.reports.camera import describe, report_record, report_text  # noqa: PLC0415
 
+    camera_file = read_camera_file(calibration, camera_name)
     target = None
     if target_file is not None:
-        from circlepose.io.target_file import read_target  # noqa: PLC0415
-
         target = read_target(target_file)
-    report = describe(read_camera_file(calibration, camera_name), target)
+    elif camera_file.target is not None:
+        target = target_from_mapping(camera_file.target, f"{camera_file.path}: target")
+    report = describe(camera_file, target)
     if report_format is ReportFormat.JSON:
         typer.echo(json.dumps(report_record(report), indent=2, allow_nan=False))
     else:
