@@ -61,7 +61,7 @@ def duration(seconds: float) -> str:
 
 
 class Reporter:
-    """Counts results and tells a person about them."""
+    """Counts results and reports them on standard error."""
 
     def __init__(self, *, quiet: bool, verbose: bool, clock: Callable[[], float] = time.monotonic) -> None:
         self.measured = 0
@@ -75,7 +75,7 @@ class Reporter:
         self._clock = clock
         self._total: int | None = None
         self._pace = Pace(clock())
-        self._told_s = clock()
+        self._noted_s = clock()
         self._bar: tuple[Progress, TaskID] | None = None
 
     @property
@@ -131,8 +131,8 @@ class Reporter:
             bar, task = self._bar
             failed = f"failed: {self._kinds()}" if self.failures else ""
             bar.update(task, advance=1, pace=f"{self._pace.per_second(now):.1f}/s  {failed}")
-        elif now - self._told_s >= _INTERVAL_S:
-            self._told_s = now
+        elif now - self._noted_s >= _INTERVAL_S:
+            self._noted_s = now
             self.note(self._pace_line(now))
 
     def _pace_line(self, now: float) -> str:
@@ -147,7 +147,7 @@ class Reporter:
         return ", ".join(f"{status} {number}" for status, number in self.failures.most_common())
 
     def note(self, message: str) -> None:
-        """Say something, unless told to be quiet."""
+        """Print a line, unless --quiet."""
         if self._quiet:
             return
         shown = printable(redacted(message))
@@ -158,7 +158,7 @@ class Reporter:
             print(f"{shown}\n", end="", file=sys.stderr, flush=True)
 
     def detail(self, message: str) -> None:
-        """Say something, if told to be verbose."""
+        """Print a line, if --verbose."""
         if self._verbose:
             self.note(message)
 
@@ -205,7 +205,7 @@ def follow(
     bar: AbstractContextManager[None],
     interruption: Interruption,
 ) -> Generator[ImageResult, None, None]:
-    """Pass `results` on, telling of each and showing `bar` meanwhile, until they end or a signal ends them."""
+    """Pass `results` on, count each and show `bar` meanwhile, until they end or a signal ends them."""
     with bar, closing(results):
         while not interruption.received:
             try:

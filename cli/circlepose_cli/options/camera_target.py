@@ -90,7 +90,7 @@ class CameraTargetOptions:
         bool | None,
         typer.Option(
             "--coplanar/--no-coplanar",
-            help="Whether all circles of an image lie in one plane, which tells candidates apart.",
+            help="Whether all circles of an image lie in one plane, which helps to choose the pose.",
         ),
     ] = None
     normal: Annotated[

@@ -65,7 +65,7 @@ def _usual_format(output: Place | None, *, to_terminal: bool) -> FormatChoice:
 
 
 def is_compressed(output: Place) -> bool:
-    """Tell whether the name of an output asks for gzip."""
+    """Return whether the name of an output asks for gzip."""
     return output.name.lower().endswith(".gz")
 
 

@@ -21,7 +21,7 @@ from circlepose.results import ImageResult
 _PIPE_WIDTH = 200
 _NAMES = {"image": "image", "#": "instance", "circle": "circle", "method": "method"}
 _ALWAYS = ("image", "#", "x mm", "y mm", "z mm", "n x", "n y", "n z")
-"""columns that are there even where they have nothing to tell"""
+"""columns that are there even where all their cells are empty"""
 _CENTER_SIGMA = "sigma_center_mm"
 _NUMBERS = {
     "x mm": ("center_x_mm", 3),

@@ -127,7 +127,7 @@ def _measured(
     if request.cluster is not None:
         from circlepose.batch.cluster.run import measure_on_cluster  # noqa: PLC0415 - few ask for it
 
-        measure = partial(measure_on_cluster, address=request.cluster, tell=reporter.note)
+        measure = partial(measure_on_cluster, address=request.cluster, on_note=reporter.note)
     measure = partial(measure, options=options, timeout_s=request.timeout, on_bug=reporter.bug)
     return measure(items) if journal is None else measure_with_journal(items, journal, measure, reporter.note)
 

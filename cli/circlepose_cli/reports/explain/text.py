@@ -106,7 +106,7 @@ def _levels(circle: ExplainedCircle, *, refine: bool) -> str:
     if not refine:
         parts.append("not used: --no-refine")
     elif Flag.EDGES_ONLY in circle.result.flags:
-        parts.append("not used: they tell nothing better than the edges")
+        parts.append("not used: they are no better than the edges")
     elif not levels.converged:
         parts.append("no fit of the model")
     return ", ".join(parts)
