@@ -13,14 +13,15 @@ import pytest
 import circlepose
 from circlepose.diagnostics.explain import explain
 from circlepose.errors import ArgumentError
+from circlepose.io.tables import LAYOUTS
 from circlepose.io.tables.lossless import plain_result, restored_result
-from circlepose.io.tables.paper_layouts import LAYOUTS, write_results
+from circlepose.io.tables.paper_layouts import write_results
 from circlepose.results import SETTLED_BY_MEANING, Flag, SettledBy, Status
 from circlepose.solvers import CIRCLE_METHODS, FU_ZHOU, METHODS
 from circlepose.synthesis.scene import CoaxialPart, Disc, Paint
 from circlepose.targets.target import Target
 from circlepose_cli.app import main
-from circlepose_cli.reports.explain import report_text
+from circlepose_cli.reports.explain.text import report_text
 from tests.rings.test_results import BOSS, CAMERA, CENTER, COAXIAL, COPLANAR, DARK, NORMAL, RINGS, rendered
 
 
