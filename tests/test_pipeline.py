@@ -268,7 +268,7 @@ def test_circles_in_one_plane_settle_each_others_ambiguity():
     target = Target.circle(30.0, count=3)
     alone = circlepose.estimate(render(picture), CAMERA, target)
     assert all(c.ambiguity == 0.5 for c in alone.circles)
-    together = circlepose.estimate(render(picture), CAMERA, replace(target, coplanar=True))
+    together = circlepose.estimate(render(picture), CAMERA, replace(target, same_plane=True))
     assert len(together.circles) == 3
     for circle in together.circles:
         assert circle.candidates[circle.chosen].normal @ normal > 0.999

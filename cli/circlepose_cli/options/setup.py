@@ -128,7 +128,7 @@ def _overridden(target: Target, overrides: TargetOverrides) -> Target:
     if overrides.polarity is not None:
         changes["polarity"] = overrides.polarity.value
     if overrides.coplanar is not None:
-        changes["coplanar"] = overrides.coplanar
+        changes["same_plane"] = overrides.coplanar
     if overrides.depth_range_mm is not None:
         changes["depth_range_mm"] = overrides.depth_range_mm
     if overrides.major_px is not None or overrides.minor_px is not None:
