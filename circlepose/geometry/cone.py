@@ -22,6 +22,8 @@ RIGHT_TOLERANCE = 1e-14
 """Relative (s^2 - t^2) below which two apex angles are equal as far as float64 can tell."""
 DEGENERATE_TOLERANCE = 1e-9
 """t/s below which a cone is flat: at 1 m, a 60 mm circle is then within 1e-7 deg of edge-on."""
+_NO_TILT = 1e-15
+"""rad; a tilt that rounding may make."""
 
 
 class ConeKind(StrEnum):
@@ -87,9 +89,9 @@ def circle_frame(normal: FloatArray) -> FloatArray:
     n = np.asarray(normal, dtype=np.float64)
     x, y, z = n[..., 0], n[..., 1], n[..., 2]
     across = x * x + y * y
-    is_behind = (z > 0.0) & (across == 0.0)
+    is_behind = (z > 0.0) & (across < _NO_TILT**2)
     # 1 / (1 - z), which would lose its digits where z is nearly 1.
-    from_across = (1.0 + z) / np.where(across > 0.0, across, 1.0)
+    from_across = (1.0 + z) / np.where(across < _NO_TILT**2, 1.0, across)
     per = np.where(z > 0.0, from_across, 1.0 / (1.0 - np.minimum(z, 0.0)))
     first = np.stack([np.where(is_behind, -1.0, 1.0 - x * x * per), -x * y * per, x], axis=-1)
     second = np.stack([x * y * per, y * y * per - 1.0, -y], axis=-1)

@@ -90,7 +90,8 @@ def results_of_rims(
             score=rim.score,
             contour=rim.points,
         )
-        cone = Cone(rim.cone.factor, rim.modes_covariance)
+        modes = rim.modes_covariance
+        cone = Cone(rim.cone.factor, None if modes is None else (modes + modes.T) / 2.0)
         flags = _flags(rim, float(frames.tan_half_minor[k] / frames.tan_half_major[k]))
         for method in methods:
             solutions = known[k]
