@@ -36,7 +36,7 @@ def main(names: list[str]) -> int:
         apart, right, told, facing = [], [], [], []
         for image, truth in read_truth(folder).items():
             pixels = read_image(folder / "images" / image)
-            result = circlepose.estimate(pixels, camera, replace(alone, coplanar=True), name=image)
+            result = circlepose.estimate(pixels, camera, replace(alone, same_plane=True), name=image)
             for circle, true in zip(match(result, truth), truth, strict=True):
                 if circle is None or len(circle.candidates) < 2:
                     continue

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 import reprlib
-from collections.abc import Collection, Iterable, Mapping
+import warnings
+from collections.abc import Callable, Collection, Iterable, Mapping
+from functools import wraps
 from numbers import Integral, Real
 from typing import TypeVar
 
@@ -127,3 +129,30 @@ def length_mm(name: str, value: object, expected: str, error: type[CircleposeErr
         return length
     limits = f" within {low:g} to {high:g} mm" if length > 0.0 else ""
     raise error(f"{name}: expected {expected}{limits}, got {shown(value)}.")
+
+
+def warn_renamed(former: str, new: str) -> None:
+    """Warn the caller's caller that `former` is now called `new`."""
+    warnings.warn(f"{former} is now called {new}", DeprecationWarning, stacklevel=3)
+
+
+def with_former_names(**new_names: str) -> Callable[[type[Value]], type[Value]]:
+    """Return a decorator of classes whose constructor also takes parameters by their former names, with a warning."""
+
+    def decorated(kind: type[Value]) -> type[Value]:
+        initialize = kind.__init__
+
+        @wraps(initialize)
+        def with_new_names(self: Value, *args: object, **kwargs: object) -> None:
+            for former, new in new_names.items():
+                if former in kwargs:
+                    warn_renamed(f"{kind.__name__}({former}=)", f"{kind.__name__}({new}=)")
+                    # `dataclasses.replace` gives both, of which the former name is the one that was asked for.
+                    kwargs[new] = kwargs.pop(former)
+            initialize(self, *args, **kwargs)
+
+        # mypy holds that no instance's constructor may differ from its class's; this is the class's own.
+        kind.__init__ = with_new_names  # type: ignore[assignment]
+        return kind
+
+    return decorated

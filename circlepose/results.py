@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
+import numpy as np
+
 from circlepose._typing import FloatArray
-from circlepose.geometry.cone import ConeKind
+from circlepose.geometry.cone import ConeKind, circle_frame, plane_basis
 from circlepose.geometry.conic import Ellipse
+from circlepose.geometry.measured_cone import Cone
 
 
 class Status(StrEnum):
@@ -123,7 +127,7 @@ class CovarianceTerms:
         return sum((term for term in (self.camera, self.radius) if term is not None), self.image)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Candidate:
     """One possible pose of a circle, in the camera frame."""
 
@@ -159,8 +163,60 @@ class Candidate:
     orientation_difference_deg: float | None = None
     """angle of the normal to Chen & Huang's, where several methods were run"""
 
+    @property
+    def transform(self) -> FloatArray:
+        """(4, 4) from the circle's frame to the camera's, mm: rotation and centre.
 
-@dataclass(frozen=True, slots=True, eq=False)
+        The circle's frame has its origin in the center and z along `normal`. A circle has no roll of its own; the
+        rule is: where the normal is the camera's -z, x is the camera's x and y its -y (up). Any other frame is that
+        one turned by the smallest rotation that takes its z to `normal`, so that it changes smoothly with the normal.
+        """
+        transform = np.eye(4)
+        transform[:3, :3] = circle_frame(self.normal)
+        transform[:3, 3] = self.center
+        return transform
+
+    @property
+    def sigma_mm(self) -> FloatArray | None:
+        """(3,) standard deviations of the centre along x, y and z, mm; None without a covariance."""
+        if self.covariance is None:
+            return None
+        return np.array([_root(variance) for variance in self.covariance.diagonal()[:3].tolist()])
+
+    @property
+    def sigma_deg(self) -> float | None:
+        """Standard deviation of the normal's direction, deg: root of the sum of both tilts' variances."""
+        if self.covariance is None:
+            return None
+        return math.degrees(_root(sum(self.covariance.diagonal()[3:].tolist())))
+
+    @property
+    def tilt_axes(self) -> FloatArray:
+        """(2, 3) unit vectors towards which the two tilts of `covariance` turn the normal."""
+        return np.stack(plane_basis(self.normal))
+
+    def __repr__(self) -> str:
+        return f"Candidate({self._numbers()})"
+
+    def _numbers(self) -> str:
+        """Return centre and normal with their standard deviations, each with its unit."""
+        center = f"center {_vector(self.center, 3)} mm"
+        normal = f"normal {_vector(self.normal, 5)}"
+        if self.sigma_mm is None:
+            return f"{center}, {normal}"
+        return f"{center} +- {_vector(self.sigma_mm, 3)} mm, {normal} +- {self.sigma_deg:.3g} deg"
+
+
+def _root(variance: float) -> float:
+    """Return the standard deviation; NaN where rounding left a variance below 0."""
+    return math.sqrt(variance) if variance >= 0.0 else math.nan
+
+
+def _vector(values: FloatArray, decimals: int) -> str:
+    return f"({', '.join(f'{value:.{decimals}f}' for value in values.tolist())})"
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class CircleResult:
     """One circle of one target in one image, measured by one method."""
 
@@ -184,7 +240,10 @@ class CircleResult:
     """its standard deviation: root of the sum of both tilts' variances"""
     generatrix_expected_mm: float | None = None
     """coaxial targets: the generatrix that was given"""
-    cone: ConeKind | None = None
+    cone: Cone | None = None
+    """of the rim as measured, the same for both candidates; None where it was not measured or has no pose"""
+    cone_kind: ConeKind | None = None
+    """viewing condition: column and key `cone` of the tables"""
     ellipse: Ellipse | None = None
     """of the rim in the raw distorted image, px"""
     residual_px: float | None = None
@@ -199,8 +258,21 @@ class CircleResult:
     status: Status = Status.OK
     reason: str = ""
 
+    @property
+    def pose(self) -> Candidate | None:
+        """The chosen candidate; None where there is no pose, and `reason` says why."""
+        return self.candidates[self.chosen] if self.candidates else None
 
-@dataclass(frozen=True, slots=True, eq=False)
+    def __repr__(self) -> str:
+        head = f"CircleResult({self.instance} {self.circle}, radius {self.radius_mm:g} mm"
+        pose = self.pose
+        if pose is None:
+            return f"{head}, {self.status}: {self.reason})"
+        remarks = "".join(f", {flag}" for flag in self.flags)
+        return f"{head}, {pose._numbers()}, ambiguity {self.ambiguity:.2g}{remarks})"
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class ImageResult:
     """All that was measured in one image, or why nothing was."""
 
@@ -216,3 +288,9 @@ class ImageResult:
     """how many contours were not used, by reason"""
     remark: str = ""
     """what else is to be said of the image file: that it has more pages"""
+
+    def __repr__(self) -> str:
+        size = "" if self.image_size is None else f", {self.image_size[0]} x {self.image_size[1]} px"
+        reason = f": {self.reason}" if self.reason else ""
+        found = f", {len(self.circles)} circle{'' if len(self.circles) == 1 else 's'}" if self.circles else ""
+        return f"ImageResult({self.image!r}{size}, {self.status}{reason}{found})"

@@ -86,7 +86,7 @@ def from_contour(**changed: object) -> object:
         (target, "polarity", [None, "black", 1], TargetError),
         (target, "axis_intervals", [(5.0, 9.0), "x"], TargetError),
         (target, "depth_range_mm", [(1.0,), 5.0, (9.0, 5.0), (0.0, 1e308), (np.nan, 5.0), "ab"], TargetError),
-        (target, "coplanar", [None, "yes", 1], TargetError),
+        (target, "same_plane", [None, "yes", 1], TargetError),
         (target, "normal_hint", [(0.0, 0.0, -1.0), "up"], TargetError),
         (target, "up_hint", [(0, 1, 0), DirectionHint("xyz", 5.0), DirectionHint((0, 1, 0), "x")], TargetError),
         (target, "facing", [5, "sideways", (1.0,), (0.0, 0.0, 0.0), (1e200, 1e200, 0.0)], TargetError),
@@ -147,7 +147,7 @@ def test_the_longest_and_shortest_radius_are_measured_in_proportion(radius_mm: f
 
 
 def test_what_numpy_calls_a_number_or_a_truth_is_one() -> None:
-    made = Target("circle", np.array([20]), count=np.int8(2), coplanar=np.True_, radius_sigma_mm=np.float32(0.5))
+    made = Target("circle", np.array([20]), count=np.int8(2), same_plane=np.True_, radius_sigma_mm=np.float32(0.5))
     assert (made.radii_mm, made.count) == ((20.0,), 2)
     assert Target.circle(20, count="all").count is None  # type: ignore[arg-type]
     assert Camera.create(MATRIX, image_size=np.array([64, 48])).image_size == (64, 48)

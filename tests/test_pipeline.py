@@ -52,7 +52,7 @@ def test_what_a_lone_circle_says_of_itself():
     part = disc()
     circle = circlepose.estimate(render(scene(part)), CAMERA, Target.circle(60.0)).circles[0]
     assert (circle.circle, circle.instance, circle.method, circle.radius_mm) == ("disc", 0, "chen-huang", 60.0)
-    assert circle.cone == "elliptical"
+    assert circle.cone_kind == "elliptical"
     assert len(circle.candidates) == 2
     assert circle.ambiguity == 0.5
     assert Flag.AMBIGUOUS in circle.flags
@@ -80,7 +80,7 @@ def test_a_frontal_circle_is_said_to_be_nearly_so():
     assert Flag.NEAR_RIGHT in circle.flags
     assert error(circle, truth(part)).position_mm < 0.2
     # One pose, said once, and nothing ambiguous about it.
-    assert circle.cone == "right"
+    assert circle.cone_kind == "right"
     assert len(circle.candidates) == 1
     assert circle.ambiguity == 0.0
     assert Flag.AMBIGUOUS not in circle.flags
@@ -101,10 +101,10 @@ def test_circles_seen_edge_on(tilt_deg):
     assert measured.normal_deg < 0.2
     assert len(circle.candidates) == 2
     if tilt_deg > 89.9:
-        assert circle.cone == "degenerate"
+        assert circle.cone_kind == "degenerate"
         np.testing.assert_allclose(circle.candidates[0].normal, -circle.candidates[1].normal, atol=1e-9)
     needs_ellipse = circlepose.estimate(render(picture), camera, target, method="kanatani-liu").circles[0]
-    assert (needs_ellipse.status is Status.NO_POSE) == (circle.cone == "degenerate")
+    assert (needs_ellipse.status is Status.NO_POSE) == (circle.cone_kind == "degenerate")
 
 
 def test_tilts_in_fine_steps_have_no_jump():
@@ -268,7 +268,7 @@ def test_circles_in_one_plane_settle_each_others_ambiguity():
     target = Target.circle(30.0, count=3)
     alone = circlepose.estimate(render(picture), CAMERA, target)
     assert all(c.ambiguity == 0.5 for c in alone.circles)
-    together = circlepose.estimate(render(picture), CAMERA, replace(target, coplanar=True))
+    together = circlepose.estimate(render(picture), CAMERA, replace(target, same_plane=True))
     assert len(together.circles) == 3
     for circle in together.circles:
         assert circle.candidates[circle.chosen].normal @ normal > 0.999

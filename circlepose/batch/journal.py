@@ -23,7 +23,9 @@ from circlepose.io.atomic import on_behalf, sync_folder_of
 if sys.platform != "win32":
     import fcntl
 
-_MAGIC = b"circlepose journal 1\n"
+_MAGIC = b"circlepose journal 2\n"
+_FORMER = (b"circlepose journal 1\n",)
+"""of journals whose results were stored in another way; as long as `_MAGIC`"""
 _CONDITIONS = "conditions"
 _KEY_BYTES = 8
 
@@ -98,6 +100,14 @@ class Journal:
         """Return where the whole lines of a run to go on with end, 0 without one, and keep where each begins."""
         self._writer.seek(0)
         start = self._writer.read(len(_MAGIC))
+        if start in _FORMER and resume:
+            raise UsageError(
+                f"{self.path}: was written by an earlier version of circlepose, which stored results in another way; "
+                "leave out --resume to measure all images again."
+            )
+        if start in _FORMER:
+            self.discarded = True
+            return 0
         if not _MAGIC.startswith(start):
             raise _no_journal(self.path)
         lines = _whole_lines(self._writer)

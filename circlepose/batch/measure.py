@@ -114,9 +114,6 @@ def _without_name(error: ImageError, item: WorkItem) -> str:
 def _write_overlay(path: Path, image: Image, result: ImageResult, camera: Camera, *, overwrite: bool) -> None:
     from circlepose.drawing.overlay import draw_overlay  # noqa: PLC0415 - drawing is rarely asked for
 
-    size = (image.shape[1], image.shape[0])
-    if result.circles and camera.image_size not in (None, size):
-        camera = camera.scaled_to(size)
     write_image(path, draw_overlay(image, result, camera), drawn=True, overwrite=overwrite)
 
 
@@ -161,7 +158,7 @@ def measure_files(
     if jobs is None and timeout_s is None:
         first = list(islice(remaining, IN_PROCESS_MOST + 1))
         if len(first) <= IN_PROCESS_MOST:
-            yield from _measure_here(first, options, on_bug)
+            yield from measure_here(first, options, on_bug)
             return
         remaining = chain(first, remaining)
     jobs = jobs or available_cores()
@@ -175,9 +172,10 @@ def available_cores() -> int:
     return os.cpu_count() or 1
 
 
-def _measure_here(
+def measure_here(
     items: Iterable[WorkItem | ImageResult], options: MeasureOptions, on_bug: BugReport | None
 ) -> Iterator[ImageResult]:
+    """As `measure_files`, one image after the other in this process."""
     for item in items:
         if isinstance(item, ImageResult):
             yield item

@@ -47,7 +47,7 @@ EXACT = CameraSigma()
 class Camera:
     """Intrinsics and lens model of one camera. Build it with `Camera.create`, which takes any array-like.
 
-    Raises `CalibrationError` on what cannot be a camera.
+    Cameras of the same numbers are equal. Raises `CalibrationError` on what cannot be a camera.
     """
 
     camera_matrix: FloatArray
@@ -91,6 +91,18 @@ class Camera:
             object.__setattr__(self, "image_size", _checked_size(self.image_size))
         if not isinstance(given["sigma"], CameraSigma):
             raise CalibrationError(f"sigma: expected a CameraSigma, got {_arguments.shown(self.sigma)}.")
+
+    def __eq__(self, other: object) -> bool:
+        """Whether all numbers are the same, as those of two reads of one calibration are."""
+        return self._values() == other._values() if isinstance(other, Camera) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(self._values())
+
+    def _values(self) -> tuple[object, ...]:
+        """Return all that makes this camera what it is, as plain values."""
+        numbers = (tuple(self.camera_matrix.ravel().tolist()), tuple(self.dist_coeffs.tolist()))
+        return *numbers, self.image_size, self.model, self.sigma
 
     @property
     def is_free_of_distortion(self) -> bool:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -103,26 +103,13 @@ def _of_numbers(camera: Camera) -> Iterator[Doubt]:
     yield from _with_size(camera, camera.image_size)
 
 
+@lru_cache(maxsize=256)
 def _with_size(camera: Camera, size: Size) -> tuple[Doubt, ...]:
     """Return the doubts about a camera whose images have `size`."""
-    numbers = (camera.camera_matrix.tobytes(), camera.dist_coeffs.tobytes(), camera.model, camera.image_size)
-    return _known(_Key(numbers, camera), size)
-
-
-@dataclass(frozen=True, slots=True)
-class _Key:
-    """A camera by its numbers: each image of a batch brings a copy of its own."""
-
-    numbers: tuple[object, ...]
-    camera: Camera = field(compare=False)
-
-
-@lru_cache(maxsize=256)
-def _known(key: _Key, size: Size) -> tuple[Doubt, ...]:
     found: list[Doubt] = []
     with np.errstate(all="ignore"):
         for judge in (_field_of_view, _principal_point, _distortion):
-            found += judge(key.camera, size)
+            found += judge(camera, size)
             if any(doubt.is_grave for doubt in found):
                 # It explains what would follow.
                 break

@@ -8,13 +8,14 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from circlepose import _arguments
 from circlepose._typing import Image
 from circlepose.detection.contour import Contour, Extraction
 from circlepose.detection.detect import find_contours
 from circlepose.geometry.conic import Ellipse
 from circlepose.imaging.float_levels import without_gaps
 from circlepose.imaging.gray import eight_bit, to_grey
-from circlepose.targets import Polarity
+from circlepose.targets import POLARITIES, Polarity
 from circlepose.targets.target import AxisIntervals
 
 _FAMILY = 2.5
@@ -44,8 +45,26 @@ def inspect(
 ) -> Inspection:
     """Look for all circles in `image`, as `estimate` takes it, without a calibration or a radius.
 
-    With `rings` those inside others of the same centre are kept too. Raises `ArgumentError` on what is no image.
+    Parameters
+    ----------
+    image
+        As of `circlepose.estimate`.
+    intervals
+        Axes, in px, of the ellipses to look for; None for all.
+    polarity
+        `dark`, `bright` or `any`.
+    rings
+        Whether to keep those inside others of the same center, too.
+
+    Raises
+    ------
+    ArgumentError
+        On misuse, naming the parameter.
     """
+    if intervals is not None:
+        _arguments.instance_of(AxisIntervals, "intervals", intervals, "such as AxisIntervals(major_px=(20.0, 200.0))")
+    _arguments.one_of(POLARITIES, "polarity", polarity)
+    rings = _arguments.truth("rings", rings)
     grey = without_gaps(to_grey(image))
     found = find_contours(grey, intervals or AxisIntervals(), polarity, keep_concentric=rings)
     return Inspection((int(grey.shape[1]), int(grey.shape[0])), found, suggested_intervals(found.contours))

@@ -62,7 +62,7 @@ def settled_by_hints(circles: list[CircleResult], target: Target) -> list[Circle
 def _hints_at(target: Target, number: int) -> bool:
     """Tell whether there is any hint for `number` circles with two candidates."""
     own = (target.normal_hint, target.up_hint, target.facing)
-    return any(hint is not None for hint in own) or (target.coplanar and number > 1)
+    return any(hint is not None for hint in own) or (target.same_plane and number > 1)
 
 
 def _settled_by(choice: Choice, by_plane: FloatArray, by_hints: FloatArray) -> list[SettledBy]:
@@ -80,7 +80,7 @@ def _scores(circles: list[CircleResult], target: Target) -> tuple[FloatArray, Fl
     errors = np.array([[_errors(circle, candidate) for candidate in circle.candidates] for circle in circles])
     sigma_rad = np.hypot(errors[..., 0], _FLATNESS_RAD)
     by_plane, scores = np.zeros((2, *sigma_rad.shape))
-    if target.coplanar and len(circles) > 1:
+    if target.same_plane and len(circles) > 1:
         centers = np.stack([[c.center for c in circle.candidates] for circle in circles])
         by_plane = common_plane(centers, normals, sigma_rad, np.hypot(errors[..., 1], _FLATNESS_MM))
     # Either candidate is as likely, so both get the same spread.

@@ -8,11 +8,13 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from circlepose import _arguments
 from circlepose._typing import FloatArray, Image
 from circlepose.camera.camera import Camera, circle_contour
 from circlepose.drawing import captions
 from circlepose.drawing.captions import Box, Color
 from circlepose.imaging.float_levels import in_steps
+from circlepose.imaging.gray import to_grey
 from circlepose.results import Candidate, CircleResult, ImageResult, Status
 
 SMALLEST_PICTURE = 1000
@@ -101,9 +103,19 @@ def draw_overlay(image: Image, result: ImageResult, camera: Camera) -> Image:
     result
         What `estimate` returned for it.
     camera
-        For images of this size.
+        With which it was measured.
+
+    Raises
+    ------
+    ArgumentError
+        On misuse, naming the parameter.
     """
+    _arguments.instance_of(ImageResult, "result", result, "of estimate or measure")
+    _arguments.instance_of(Camera, "camera", camera, _arguments.HOW_CAMERA)
     base = to_bgr8(image)
+    size = (base.shape[1], base.shape[0])
+    if result.circles and camera.image_size not in (None, size):
+        camera = camera.scaled_to(size)
     longest = max(base.shape[:2])
     enlargement = max(1, -(-SMALLEST_PICTURE // longest))
     if enlargement > 1:
@@ -122,6 +134,7 @@ def draw_overlay(image: Image, result: ImageResult, camera: Camera) -> Image:
 
 def to_bgr8(image: Image) -> Image:
     """Return a new picture for display; more than 8 bits are stretched to the range that is there."""
+    to_grey(image)  # which raises an ArgumentError on what is no image
     array = np.asarray(image)
     if array.dtype != np.uint8:
         if array.dtype.kind == "f":

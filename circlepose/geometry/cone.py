@@ -22,6 +22,8 @@ RIGHT_TOLERANCE = 1e-14
 """Relative (s^2 - t^2) below which two apex angles are equal as far as float64 can tell."""
 DEGENERATE_TOLERANCE = 1e-9
 """t/s below which a cone is flat: at 1 m, a 60 mm circle is then within 1e-7 deg of edge-on."""
+_NO_TILT = 1e-15
+"""rad; a tilt that rounding may make."""
 
 
 class ConeKind(StrEnum):
@@ -75,6 +77,25 @@ def plane_basis(normal: FloatArray) -> tuple[FloatArray, FloatArray]:
     first = cross(helper, n)
     first = first / np.linalg.norm(first, axis=-1, keepdims=True)
     return first, cross(n, first)
+
+
+def circle_frame(normal: FloatArray) -> FloatArray:
+    """Return the rotations (..., 3, 3) from a frame with z along unit `normal` (..., 3) to the camera's.
+
+    The columns are x, y and z. Where the normal is the camera's -z, x is the camera's x and y its -y; any other frame
+    is that one turned by the smallest rotation that takes -z to the normal. At the normal +z, which is seen only by a
+    lens of more than 180 deg, that rotation has no one axis, and the one about y is taken.
+    """
+    n = np.asarray(normal, dtype=np.float64)
+    x, y, z = n[..., 0], n[..., 1], n[..., 2]
+    across = x * x + y * y
+    is_behind = (z > 0.0) & (across < _NO_TILT**2)
+    # 1 / (1 - z), which would lose its digits where z is nearly 1.
+    from_across = (1.0 + z) / np.where(across < _NO_TILT**2, 1.0, across)
+    per = np.where(z > 0.0, from_across, 1.0 / (1.0 - np.minimum(z, 0.0)))
+    first = np.stack([np.where(is_behind, -1.0, 1.0 - x * x * per), -x * y * per, x], axis=-1)
+    second = np.stack([x * y * per, y * y * per - 1.0, -y], axis=-1)
+    return np.stack([first, second, n], axis=-1)
 
 
 def cone_from_circle(center: FloatArray, normal: FloatArray, radius: FloatArray | float) -> FloatArray:

@@ -58,7 +58,8 @@ class _TargetForm(Strict):
     polarity: Polarity = Field("any", description=f"one of {', '.join(POLARITIES)}")
     axis_intervals_px: _AxisIntervals | None = Field(None, description="a mapping with the keys major and minor")
     depth_range_mm: _Pair | None = Field(None, description="[nearest, farthest] distance in mm")
-    coplanar: bool = Field(False, description="true or false")
+    same_plane: bool | None = Field(None, description="true or false")
+    coplanar: bool | None = Field(None, description="true or false; the former name of same_plane")
     normal_hint: _DirectionHint | None = Field(None, description=f"a mapping with direction: {_DIRECTION}")
     up_hint: _DirectionHint | None = Field(None, description=f"a mapping with direction: {_DIRECTION}")
     facing: Side | _Triple | None = Field(None, description=f"{', '.join(SIDES)}, or {_DIRECTION}")
@@ -81,8 +82,8 @@ def target_from_mapping(mapping: Mapping[str, object], where: str) -> Target:
     """Return the target that a mapping describes; `where` (a file, or a key in it) begins every message.
 
     Keys: `kind`, `radius_mm` or `radii_mm`, `generatrix_mm` or `height_mm`, `count`, `polarity`,
-    `axis_intervals_px`, `depth_range_mm`, `coplanar`, `normal_hint`, `up_hint`, `facing`,
-    `radius_sigma_mm`, `flatness_sigma_mm`. Raises `TargetError`.
+    `axis_intervals_px`, `depth_range_mm`, `same_plane` (or `coplanar`, its former name), `normal_hint`, `up_hint`,
+    `facing`, `radius_sigma_mm`, `flatness_sigma_mm`. Raises `TargetError`.
     """
     _check_units(mapping, where)
     form = parse(_TargetForm, mapping, where, TargetError)
@@ -98,14 +99,17 @@ def target_from_mapping(mapping: Mapping[str, object], where: str) -> Target:
             polarity=form.polarity,
             axis_intervals=None if axes is None else AxisIntervals(_pair(axes.major), _pair(axes.minor)),
             depth_range_mm=_pair(form.depth_range_mm),
-            coplanar=form.coplanar,
+            same_plane=bool(form.coplanar if form.same_plane is None else form.same_plane),
             normal_hint=_hint(form.normal_hint, NORMAL_SPREAD_DEG),
             up_hint=_hint(form.up_hint, UP_SPREAD_DEG),
             facing=_triple(form.facing) if isinstance(form.facing, list) else form.facing,
             radius_sigma_mm=form.radius_sigma_mm,
             flatness_sigma_mm=form.flatness_sigma_mm,
         )
-    except TargetError as reason:
+    except TargetError as error:
+        reason = str(error)
+        if form.coplanar is not None:
+            reason = reason.replace("same_plane:", "coplanar:", 1)
         raise TargetError(f"{where}: {reason}") from None
 
 
@@ -125,8 +129,8 @@ def target_to_mapping(target: Target) -> dict[str, object]:
         mapping["axis_intervals_px"] = {name: list(pair) for name, pair in axes.items() if pair is not None}
     if target.depth_range_mm is not None:
         mapping["depth_range_mm"] = list(target.depth_range_mm)
-    if target.coplanar:
-        mapping["coplanar"] = True
+    if target.same_plane:
+        mapping["same_plane"] = True
     for key, hint in (("normal_hint", target.normal_hint), ("up_hint", target.up_hint)):
         if hint is not None:
             mapping[key] = {"direction": list(hint.direction), "spread_deg": hint.spread_deg}
@@ -172,6 +176,8 @@ def _kind(form: _TargetForm, where: str) -> Kind:
         raise TargetError(f"{where}: radius_mm, radii_mm: give one of them, not both.")
     if form.generatrix_mm is not None and form.height_mm is not None:
         raise TargetError(f"{where}: generatrix_mm, height_mm: give one of them, not both.")
+    if form.same_plane is not None and form.coplanar is not None:
+        raise TargetError(f"{where}: same_plane, coplanar: are two names of one key; give same_plane alone.")
     kind = form.kind or ("circle" if form.radii_mm is None else None)
     if kind is None:
         raise TargetError(f"{where}: kind: is missing; radii_mm goes with kind: coplanar or kind: coaxial.")

@@ -11,6 +11,7 @@ from circlepose._typing import FloatArray
 from circlepose.camera.camera import Camera
 from circlepose.geometry.cone import ConeKind, PrincipalFrame, principal_frame
 from circlepose.geometry.cone_perturbation import MODES
+from circlepose.geometry.measured_cone import Cone
 from circlepose.measurement.edge_fit import Rim
 from circlepose.results import Candidate, CircleResult, Flag, Status
 from circlepose.solvers.registry import Solutions, solve, solve_chen_huang
@@ -87,6 +88,8 @@ def results_of_rims(
             score=rim.score,
             contour=rim.points,
         )
+        modes = rim.modes_covariance
+        cone = Cone(rim.cone.factor, None if modes is None else (modes + modes.T) / 2.0)
         flags = _flags(rim, float(frames.tan_half_minor[k] / frames.tan_half_major[k]))
         for method in methods:
             solutions = known[k]
@@ -110,7 +113,8 @@ def results_of_rims(
                     method=method,
                     candidates=candidates,
                     ambiguity=0.0 if one else 0.5,
-                    cone=ConeKind(solutions.cone),
+                    cone=cone,
+                    cone_kind=ConeKind(solutions.cone),
                     flags=tuple(flag for flag in _ORDER if told[flag]),
                 )
             )

@@ -10,21 +10,29 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from circlepose import _arguments
-from circlepose._typing import FloatArray
+from circlepose._typing import FloatArray, Image
 from circlepose.camera.camera import Camera
+from circlepose.detection.contour import Contour
 from circlepose.errors import ArgumentError
 from circlepose.fitting.cone_fit import SeenPoints, fit_cone_to
 from circlepose.fitting.direct import MINIMUM_POINTS
 from circlepose.fitting.segment_cone import fit_flat_cone, is_flat
-from circlepose.measurement.edge_fit import Rim, as_given, has_length, rim_from_fit, segment_from_fit
+from circlepose.imaging.float_levels import without_gaps
+from circlepose.imaging.gray import to_grey
+from circlepose.measurement.edge_fit import Rim, as_given, fit_rim, has_length, rim_from_fit, segment_from_fit
+from circlepose.measurement.intensity_fit import refined
 from circlepose.measurement.poses import circle_results
 from circlepose.results import CircleResult, Status
 from circlepose.solvers import CIRCLE_METHODS
+from circlepose.targets.target import Target
+from circlepose.uncertainty.systematic import with_all_terms
 
 _EXPECTED = "the (n, 2) px of one contour, in order along the rim"
 _FARTHEST_PX = 1e6
 _SLIVER_PX = 2.0
 """Semi-minor axis up to which noise may be all the width that a contour has."""
+_LEAST_WIDTH_PX = 0.5
+"""Semi-minor axis, at least, from which a fit to the gray levels of a sliver starts."""
 _BORDER_PX = 1.0
 _BORDER_SHARE = 0.05
 _MOST_CROSSING_CHECK = 400
@@ -32,7 +40,7 @@ _MOST_CROSSING_CHECK = 400
 
 
 def estimate_from_contour(
-    contour: ArrayLike, camera: Camera, radius_mm: float, *, method: str = "chen-huang"
+    contour: ArrayLike, camera: Camera, radius_mm: float, *, method: str = "chen-huang", image: Image | None = None
 ) -> CircleResult:
     """Estimate the pose of a circle of `radius_mm` from its contour in px of the raw image, closed, in order.
 
@@ -46,6 +54,11 @@ def estimate_from_contour(
         Of the circle.
     method
         A name of `circlepose.solvers.CIRCLE_METHODS`.
+    image
+        The image that the contour is of, as `circlepose.estimate` takes it, of the calibration's size. With it the
+        contour, within 2 px of the rim, is only the start: edges are placed again along the rim and the pose is
+        fitted to the gray levels, with a covariance. Where these cannot be fitted, the flag is `edges_only`, and the
+        pose that of the edges or of the contour, whichever scatters less.
 
     Returns
     -------
@@ -57,18 +70,22 @@ def estimate_from_contour(
     Of a segment, a circle seen edge-on, `chen-huang` and `chen-huang-contour` give two poses: one centre and opposite
     normals. What is wrong with a contour is a status:
     `too_few_points`, `points_coincide`, `self_crossing`, `touches_border` (the camera must know its image size),
-    `no_pose`.
+    `no_pose`; `size_mismatch` for an image of another size than the calibration's.
 
     Raises
     ------
     ArgumentError
-        On misuse: not (n, 2) finite numbers, a radius that is not positive, an unknown method.
+        On misuse: not (n, 2) finite numbers, a radius that is not positive, an unknown method, no image.
     """
     points = _points(contour)
     _arguments.instance_of(Camera, "camera", camera, _arguments.HOW_CAMERA)
     radius_mm = _arguments.length_mm("radius_mm", radius_mm, "a positive radius in mm (not a diameter)")
     _arguments.one_of(CIRCLE_METHODS, "method", method)
+    measured = None if image is None else to_grey(image)
     failed = CircleResult(0, "disc", method, radius_mm, contour=points)
+    mismatch = None if measured is None else _size_mismatch(measured, camera)
+    if mismatch is not None:
+        return replace(failed, status=Status.SIZE_MISMATCH, reason=mismatch)
     status = _what_is_wrong(points, camera)
     if status is not None:
         return replace(failed, status=status, reason=_REASON[status])
@@ -78,7 +95,35 @@ def estimate_from_contour(
     # A segment comes back on itself, and rounding has it cross.
     if float(rim.cone.factor[:, 1] @ rim.cone.factor[:, 1]) > 0.0 and _crosses_itself(points):
         return replace(failed, status=Status.SELF_CROSSING, reason=_REASON[Status.SELF_CROSSING])
-    return circle_results(rim, camera, (method,), radius_mm, 0, "disc")[0]
+    if measured is None:
+        return circle_results(rim, camera, (method,), radius_mm, 0, "disc")[0]
+    results = circle_results(_on_levels(measured, camera, rim), camera, (method,), radius_mm, 0, "disc")
+    return with_all_terms(results, camera, Target.circle(radius_mm))[0]
+
+
+def _on_levels(measured: Image, camera: Camera, rim: Rim) -> Rim:
+    """Return `rim` with edges placed along it again and fitted to the gray levels `measured` (h, w)."""
+    ellipse = rim.ellipse
+    if float(ellipse.semi_minor) < _LEAST_WIDTH_PX:
+        ellipse = replace(ellipse, semi_minor=np.asarray(_LEAST_WIDTH_PX))
+    # What detection would say of the edge is not known, and not used.
+    contour = Contour(rim.points, ellipse, rim.polarity, 0.0, rim.rim_used, rim.cone.rms_px, 0.0, 1.0)
+    placed = fit_rim(without_gaps(measured), camera, contour) or rim
+    if placed.ellipse_covariance is None and float(placed.ellipse.semi_minor) < _LEAST_WIDTH_PX:
+        # A segment has no sides, inside and outside, whose levels could be fitted.
+        return replace(rim, is_edges_only=True)
+    done = refined(measured, camera, [placed])[0]
+    # Of edges alone, and of the contour itself, those are used that lie closer to a rim.
+    is_closer = not done.is_edges_only or done.cone.rms_px < rim.cone.rms_px
+    return done if is_closer else replace(rim, is_edges_only=True)
+
+
+def _size_mismatch(measured: Image, camera: Camera) -> str | None:
+    """Return why the camera is not to be used for an image (h, w), or None."""
+    size = (int(measured.shape[1]), int(measured.shape[0]))
+    if camera.image_size in (None, size):
+        return None
+    return "the image is {} x {} px, the calibration holds for {} x {}".format(*size, *camera.image_size)
 
 
 def _points(contour: object) -> FloatArray:

@@ -235,8 +235,8 @@ def _in_one_pose(result: CircleResult, number: int, poses: TargetPoses, camera: 
         )
     one = len(candidates) == 1
     flags = tuple(flag for flag in result.flags if flag is not Flag.AMBIGUOUS or not one)
-    cone = ConeKind.ELLIPTICAL if result.cone is ConeKind.RIGHT and not one else result.cone
-    return replace(result, candidates=tuple(candidates), ambiguity=poses.ambiguity, cone=cone, flags=flags)
+    kind = ConeKind.ELLIPTICAL if result.cone_kind is ConeKind.RIGHT and not one else result.cone_kind
+    return replace(result, candidates=tuple(candidates), ambiguity=poses.ambiguity, cone_kind=kind, flags=flags)
 
 
 def _is_strained(family: Family, rims: Sequence[Rim]) -> bool:

@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal, TypeAlias
 
 from circlepose import _arguments
 from circlepose.errors import TargetError
-from circlepose.targets import KINDS, POLARITIES, Direction, Kind, Polarity, Side
+from circlepose.targets import KINDS, POLARITIES, Direction, Kind, Polarity, Side, lengths
 from circlepose.targets.hints import DirectionHint, check_hints
 
 FLATNESS_SHARE = 2e-3
 """Default of `flatness_sigma_mm`, as a share of the largest radius: 0.1 mm for 50 mm. Paper on a foam board that bows
 by 1 mm over 300 mm has its circles of radii 50 and 30 mm 0.07 mm apart in height."""
 
-MAX_RADII = 16
-"""Rings of a target. Each is looked for at each place where one may be and fitted with all others, so that the time
-grows faster than the square of their number (16 take some seconds, 50 a minute). Printed targets have 2 to 8."""
-
+Count: TypeAlias = int | Literal["all"] | None
+"""targets per image; `all`, or None, for all that are there"""
 _LONGEST_PX = 1e9
-_RADIUS = "a positive radius in mm (not a diameter)"
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +42,7 @@ class AxisIntervals:
                 _check_interval(f"axis_intervals_px.{name}", interval, "px", largest=_LONGEST_PX)
 
 
+@_arguments.with_former_names(coplanar="same_plane")
 @dataclass(frozen=True, slots=True)
 class Target:
     """A target: its circles' radii (mm, largest first) and what is known of its looks.
@@ -63,15 +64,16 @@ class Target:
         Accepted axes of the (largest) circle's image.
     depth_range_mm
         Nearest and farthest depth of the centre: its z in the camera frame.
-    coplanar
-        Kind circle only: all circles found in an image lie in one plane, which tells their candidates apart.
+    same_plane
+        Kind circle only: all circles found in an image lie in one plane, which settles their candidates. Formerly
+        `coplanar`.
     normal_hint
         Kind circle only: where the surface's normal points, roughly, in the camera frame.
     up_hint
         Kind circle only: the surface is horizontal, and this is the vertical in the camera frame, either way.
     facing
         Kind circle only: the side of the line of sight that the surface faces; a name, or a direction (3,) in the
-        camera frame. Hints add up, also with `coplanar`.
+        camera frame. Hints add up, also with `same_plane`.
     radius_sigma_mm
         Standard deviation of the (largest) radius; 0 is exact. All lengths of a target err in proportion.
     flatness_sigma_mm
@@ -86,7 +88,7 @@ class Target:
     polarity: Polarity = "any"
     axis_intervals: AxisIntervals | None = None
     depth_range_mm: tuple[float, float] | None = None
-    coplanar: bool = False
+    same_plane: bool = False
     normal_hint: DirectionHint | None = None
     up_hint: DirectionHint | None = None
     facing: Side | Direction | None = None
@@ -96,10 +98,14 @@ class Target:
     def __post_init__(self) -> None:
         _arguments.one_of(KINDS, "kind", self.kind, TargetError)
         _arguments.one_of(POLARITIES, "polarity", self.polarity, TargetError)
-        self._check_radii()
-        self._check_generatrix()
-        self._check_radius_sigma()
-        self._check_flatness()
+        object.__setattr__(self, "radii_mm", lengths.checked_radii(self.kind, self.radii_mm))
+        if self.generatrix_mm is not None:
+            lengths.check_generatrix(self.kind, self.radii_mm, self.generatrix_mm)
+        lengths.check_sigma("radius_sigma_mm", self.radius_sigma_mm, self.radii_mm[0])
+        if self.flatness_sigma_mm is not None:
+            if self.kind != "coplanar":
+                raise TargetError(f"flatness_sigma_mm: only a coplanar target has one, this one is {self.kind}.")
+            lengths.check_sigma("flatness_sigma_mm", self.flatness_sigma_mm, self.radii_mm[0])
         count: object = self.count
         if isinstance(count, str) and count == "all":
             object.__setattr__(self, "count", None)
@@ -107,10 +113,11 @@ class Target:
             expected = "a whole number of at least 1 or 'all'"
             if _arguments.whole("count", count, expected, TargetError) < 1:
                 raise TargetError(f"count: expected {expected}, got {count}.")
-        if _arguments.truth("coplanar", self.coplanar, TargetError) and (self.kind != "circle" or self.count == 1):
+        same_plane = _arguments.truth("same_plane", self.same_plane, TargetError)
+        if same_plane and (self.kind != "circle" or self.count == 1):
             raise TargetError(
-                "coplanar: says that several circles lie in one plane, so it needs kind: circle and a count of 2 or "
-                "more, or all; rings of one target are kind: coplanar."
+                "same_plane: says that several circles lie in one plane, so it needs kind: circle and a count of 2 "
+                "or more, or all; rings of one target are kind: coplanar."
             )
         if not isinstance(self.axis_intervals, AxisIntervals | None):
             raise TargetError(f"axis_intervals: expected AxisIntervals, got {_arguments.shown(self.axis_intervals)}.")
@@ -129,20 +136,105 @@ class Target:
         cls,
         radius_mm: float,
         *,
-        count: int | None = 1,
+        count: Count = 1,
         polarity: Polarity = "any",
         axis_intervals: AxisIntervals | None = None,
         depth_range_mm: tuple[float, float] | None = None,
+        same_plane: bool = False,
+        normal_hint: DirectionHint | None = None,
+        up_hint: DirectionHint | None = None,
+        facing: Side | Direction | None = None,
+        radius_sigma_mm: float = 0.0,
     ) -> Target:
-        """Return the target of one circle of `radius_mm`."""
+        """Return the target of lone circles of `radius_mm`; the other parameters are those of `Target`."""
         return cls(
             kind="circle",
             radii_mm=(radius_mm,),
-            count=count,
+            count=_number(count),
             polarity=polarity,
             axis_intervals=axis_intervals,
             depth_range_mm=depth_range_mm,
+            same_plane=same_plane,
+            normal_hint=normal_hint,
+            up_hint=up_hint,
+            facing=facing,
+            radius_sigma_mm=radius_sigma_mm,
         )
+
+    @classmethod
+    def rings(
+        cls,
+        radii_mm: Sequence[float],
+        *,
+        count: Count = 1,
+        polarity: Polarity = "any",
+        axis_intervals: AxisIntervals | None = None,
+        depth_range_mm: tuple[float, float] | None = None,
+        radius_sigma_mm: float = 0.0,
+        flatness_sigma_mm: float | None = None,
+    ) -> Target:
+        """Return the target of concentric circles of `radii_mm`, the largest first, in one plane: kind `coplanar`.
+
+        The other parameters are those of `Target`.
+        """
+        return cls(
+            kind="coplanar",
+            radii_mm=lengths.radii(radii_mm),
+            count=_number(count),
+            polarity=polarity,
+            axis_intervals=axis_intervals,
+            depth_range_mm=depth_range_mm,
+            radius_sigma_mm=radius_sigma_mm,
+            flatness_sigma_mm=flatness_sigma_mm,
+        )
+
+    @classmethod
+    def coaxial(
+        cls,
+        radii_mm: Sequence[float],
+        *,
+        generatrix_mm: float | None = None,
+        height_mm: float | None = None,
+        count: Count = 1,
+        polarity: Polarity = "any",
+        axis_intervals: AxisIntervals | None = None,
+        depth_range_mm: tuple[float, float] | None = None,
+        radius_sigma_mm: float = 0.0,
+    ) -> Target:
+        """Return the target of two circles of `radii_mm`, the larger first, on one axis: kind `coaxial`.
+
+        Parameters
+        ----------
+        radii_mm
+            Of the two circles, in mm.
+        generatrix_mm, height_mm
+            Rim to rim distance in the plane of symmetry, or the distance of the two planes; one of them, or neither
+            where the part's height is not known.
+        count, polarity, axis_intervals, depth_range_mm, radius_sigma_mm
+            As of `Target`.
+        """
+        radii = lengths.radii(radii_mm)
+        if height_mm is not None:
+            if generatrix_mm is not None:
+                raise TargetError("height_mm, generatrix_mm: give one of them, not both.")
+            height = _arguments.length_mm("height_mm", height_mm, "a positive height in mm", TargetError)
+            generatrix_mm = math.hypot(height, radii[0] - radii[-1])
+        return cls(
+            kind="coaxial",
+            radii_mm=radii,
+            generatrix_mm=generatrix_mm,
+            count=_number(count),
+            polarity=polarity,
+            axis_intervals=axis_intervals,
+            depth_range_mm=depth_range_mm,
+            radius_sigma_mm=radius_sigma_mm,
+        )
+
+    @property
+    def coplanar(self) -> bool:
+        """Former name of `same_plane`."""
+        _arguments.warn_renamed("Target.coplanar", "Target.same_plane")
+        return self.same_plane
 
     @property
     def circle_names(self) -> tuple[str, ...]:
@@ -159,55 +251,10 @@ class Target:
         default = FLATNESS_SHARE * self.radii_mm[0]
         return default if self.flatness_sigma_mm is None else self.flatness_sigma_mm
 
-    def _check_flatness(self) -> None:
-        if self.flatness_sigma_mm is None:
-            return
-        if self.kind != "coplanar":
-            raise TargetError(f"flatness_sigma_mm: only a coplanar target has one, this one is {self.kind}.")
-        expected = f"a standard deviation in mm, 0 or more and less than the radius of {self.radii_mm[0]:g} mm"
-        sigma = _arguments.number("flatness_sigma_mm", self.flatness_sigma_mm, expected, TargetError)
-        if not 0.0 <= sigma < self.radii_mm[0]:
-            raise TargetError(f"flatness_sigma_mm: expected {expected}, got {sigma:g}.")
 
-    def _check_radii(self) -> None:
-        key = "radius_mm" if self.kind == "circle" else "radii_mm"
-        parts = _arguments.parts("radii_mm", self.radii_mm, "radii in mm, such as (50.0, 30.0)", TargetError)
-        radii = tuple(_arguments.length_mm(key, radius, _RADIUS, TargetError) for radius in parts)
-        object.__setattr__(self, "radii_mm", radii)
-        wanted = {"circle": "one radius", "coplanar": "two or more radii", "coaxial": "two radii"}[self.kind]
-        number = len(self.radii_mm)
-        enough = {"circle": number == 1, "coplanar": number >= 2, "coaxial": number == 2}[self.kind]
-        if not enough:
-            raise TargetError(f"{key}: a target of kind {self.kind} has {wanted}, got {number}.")
-        if number > MAX_RADII:
-            raise TargetError(
-                f"{key}: a target has at most {MAX_RADII} radii, got {number}; leave out the least visible ones."
-            )
-        if any(a <= b for a, b in zip(self.radii_mm, self.radii_mm[1:], strict=False)):
-            order = ", ".join(f"{r:g}" for r in self.radii_mm)
-            raise TargetError(
-                f"{key}: expected the outer radius first and each next one smaller, got [{order}]; "
-                "inner and outer may be swapped or equal."
-            )
-
-    def _check_generatrix(self) -> None:
-        if self.generatrix_mm is None:
-            return
-        if self.kind != "coaxial":
-            raise TargetError(f"generatrix_mm: only a coaxial target has one, this one is {self.kind}.")
-        shortest = self.radii_mm[0] - self.radii_mm[1]
-        length = _arguments.length_mm("generatrix_mm", self.generatrix_mm, "a positive length in mm", TargetError)
-        if length <= shortest:
-            raise TargetError(
-                f"generatrix_mm: must be longer than the difference of the radii ({shortest:g} mm), "
-                f"got {self.generatrix_mm:g}."
-            )
-
-    def _check_radius_sigma(self) -> None:
-        expected = f"a standard deviation in mm, 0 or more and less than the radius of {self.radii_mm[0]:g} mm"
-        sigma = _arguments.number("radius_sigma_mm", self.radius_sigma_mm, expected, TargetError)
-        if not 0.0 <= sigma < self.radii_mm[0]:
-            raise TargetError(f"radius_sigma_mm: expected {expected}, got {sigma:g}.")
+def _number(count: Count) -> int | None:
+    """Return `count` as the field holds it: None for all."""
+    return None if isinstance(count, str) and count == "all" else count
 
 
 def _check_interval(key: str, interval: object, unit: str, largest: float) -> None:

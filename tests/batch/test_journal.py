@@ -90,6 +90,17 @@ def test_a_file_that_is_no_journal_is_left_alone(path):
     assert path.read_text() == "precious"
 
 
+def test_a_journal_of_an_earlier_version_is_refused_and_never_misread(path):
+    path.write_bytes(path.read_bytes().replace(b"journal 2", b"journal 1", 1))
+    before = path.read_bytes()
+    with pytest.raises(UsageError, match=r"by an earlier version of circlepose.*leave out --resume"):
+        opened(path)
+    assert path.read_bytes() == before
+    with opened(path, resume=False) as journal:
+        assert journal.discarded
+    assert found(path) == {}
+
+
 def test_a_missing_folder_is_told_in_terms_of_the_output(tmp_path):
     with pytest.raises(OutputError, match=r"^out\.csv: the folder"):
         opened(tmp_path / "gone" / "out.csv.journal")

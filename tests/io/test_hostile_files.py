@@ -14,7 +14,8 @@ import pytest
 
 from circlepose.errors import TargetError, UsageError
 from circlepose.io.text.source import MAX_BYTES, MAX_TABLE_BYTES, read_regular
-from circlepose.targets.target import MAX_RADII, Target
+from circlepose.targets.lengths import MAX_RADII
+from circlepose.targets.target import Target
 from tests.support.discs import disc_folder, found_notes
 from tests.support.processes import SETTLE
 

@@ -87,7 +87,7 @@ def test_a_segment_has_the_two_poses_of_the_paper(coefficients, along, method):
     pixels = camera.project(w / 2.0 + (last - first) / 2.0 * along[:, None])
     result = circlepose.estimate_from_contour(pixels, camera, 60.0, method=method)
     assert result.status is Status.OK
-    assert result.cone == "degenerate"
+    assert result.cone_kind == "degenerate"
     assert len(result.candidates) == 2
     s = np.linalg.norm(last - first) / np.linalg.norm(w)
     for candidate in result.candidates:

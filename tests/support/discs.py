@@ -11,6 +11,7 @@ from circlepose._typing import Image
 from circlepose.camera.camera import Camera, circle_contour
 from circlepose.geometry.cone import ConeKind, factor_from_circle, principal_frame
 from circlepose.geometry.conic import Ellipse
+from circlepose.geometry.measured_cone import Cone
 from circlepose.results import Candidate, CircleResult, Flag, ImageResult
 from circlepose.solvers.chen_huang import poses_from_frame
 
@@ -80,7 +81,8 @@ def made_circle(
         RADIUS_MM,
         candidates,
         ambiguity=0.25,
-        cone=ConeKind.ELLIPTICAL,
+        cone=Cone(factor_from_circle(center, NORMAL, RADIUS_MM), 1e-8 * np.eye(5)),
+        cone_kind=ConeKind.ELLIPTICAL,
         ellipse=Ellipse.from_axes(middle, np.array(axes) / 2.0, np.radians(angle)),
         residual_px=0.05,
         contour=contour,

@@ -163,7 +163,7 @@ def _odd_target(rng: Rng) -> Target:
             hint = DirectionHint(tuple(10.0 ** rng.uniform(-5.0, 5.0, 3) * -1.0), 10.0 ** rng.uniform(-300.0, 2.0))
             return Target("circle", (first,), normal_hint=hint, facing="up", radius_sigma_mm=sigma)
         case _:
-            return Target("circle", (first,), count=None, coplanar=True, depth_range_mm=(0.0, first))
+            return Target("circle", (first,), count=None, same_plane=True, depth_range_mm=(0.0, first))
 
 
 def _odd_sequence(value: tuple[object, ...] | list[object], rng: Rng) -> object:
@@ -366,7 +366,7 @@ def _of_target() -> dict[str, object]:
         "polarity": "any",
         "axis_intervals": None,
         "depth_range_mm": (1.0, 1000.0),
-        "coplanar": False,
+        "same_plane": False,
         "normal_hint": DirectionHint((0.0, 0.0, -1.0), 20.0),
         "up_hint": DirectionHint((0.0, 1.0, 0.0), 30.0),
         "facing": (0.0, -1.0, 0.0),

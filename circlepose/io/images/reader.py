@@ -8,8 +8,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from circlepose._arguments import shown
 from circlepose._typing import Image
-from circlepose.errors import ImageError, OutputError
+from circlepose.errors import ArgumentError, ImageError, OutputError
 from circlepose.io.atomic import atomic_writer
 from circlepose.io.images.content import read_content
 from circlepose.io.images.decoder_messages import decoders_quiet, tells_of_lost_pixels
@@ -40,7 +41,11 @@ def read_image(path: str | os.PathLike[str] | RemoteFile) -> Image:
     ------
     ImageError
         With the status `unreadable`, `not_an_image`, `truncated_image`, `too_large` or `not_allowed`.
+    ArgumentError
+        Where `path` is no path.
     """
+    if not isinstance(path, str | os.PathLike | RemoteFile):
+        raise ArgumentError(f"path: expected the path of an image file, got {shown(path)}.")
     return read_photograph(path)[0]
 
 

@@ -11,7 +11,6 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import TextIO, TypeAlias
 
-from circlepose._typing import FloatArray
 from circlepose.io.text.escaping import guarded, quoted, unguarded, unquoted
 from circlepose.results import Candidate, CircleResult, ImageResult, Status
 
@@ -87,7 +86,7 @@ def circle_fields(circle: CircleResult) -> Row:
         "status": circle.status,
         "radius_mm": circle.radius_mm,
         "residual_px": circle.residual_px,
-        "cone": circle.cone,
+        "cone": circle.cone_kind,
         "flags": ";".join(circle.flags),
         "rim_used": circle.rim_used,
         "score": circle.score,
@@ -114,26 +113,10 @@ def candidate_fields(candidate: Candidate, number: int, *, chosen: bool) -> Row:
     fields |= zip(("center_x_mm", "center_y_mm", "center_z_mm"), candidate.center.tolist(), strict=True)
     fields |= zip(("normal_x", "normal_y", "normal_z"), candidate.normal.tolist(), strict=True)
     fields |= zip(("center_u_px", "center_v_px"), candidate.imaged_center.tolist(), strict=True)
-    if candidate.covariance is not None:
-        fields |= _sigmas(candidate.covariance)
+    if candidate.sigma_mm is not None:
+        fields |= zip(("sigma_x_mm", "sigma_y_mm", "sigma_z_mm"), candidate.sigma_mm.tolist(), strict=True)
+        fields["sigma_normal_deg"] = candidate.sigma_deg
     return fields
-
-
-def _sigmas(covariance: FloatArray) -> Row:
-    """Return standard deviations from a covariance (5, 5) of the centre (mm^2) and two tilts (rad^2)."""
-    variances = covariance.diagonal().tolist()
-    x, y, z = (_root(v) for v in variances[:3])
-    tilt = _root(sum(variances[3:]))
-    return {
-        "sigma_x_mm": x,
-        "sigma_y_mm": y,
-        "sigma_z_mm": z,
-        "sigma_normal_deg": None if tilt is None else math.degrees(tilt),
-    }
-
-
-def _root(variance: float) -> float | None:
-    return math.sqrt(variance) if variance >= 0.0 else None
 
 
 def cell(column: str, value: object) -> str:

@@ -61,6 +61,10 @@ def _check_circle(circle: CircleResult) -> None:
             raise ValueError(f"{name}: {number} cannot be")
     if circle.ellipse is not None:
         _check_ellipse(circle.ellipse)
+    if circle.cone is not None:
+        _check_matrix("factor", circle.cone.factor, 3)
+        if circle.cone.modes_covariance is not None:
+            _check_matrix("modes_covariance", circle.cone.modes_covariance, 5)
     if circle.candidates and not 0 <= circle.chosen < len(circle.candidates):
         raise ValueError(f"chosen: there is no candidate {circle.chosen}")
     if not (0.0 <= circle.ambiguity <= 1.0):
@@ -81,6 +85,11 @@ def _check_circle(circle: CircleResult) -> None:
             covariance.shape != (5, 5) or not np.isfinite(covariance).all() or covariance.diagonal().min() < 0.0
         ):
             raise ValueError("covariance: expected 5 rows of 5 finite numbers, none negative in the diagonal")
+
+
+def _check_matrix(name: str, matrix: FloatArray, size: int) -> None:
+    if matrix.shape != (size, size) or not np.isfinite(matrix).all():
+        raise ValueError(f"{name}: expected {size} rows of {size} finite numbers")
 
 
 def _check_ellipse(ellipse: Ellipse) -> None:

@@ -86,7 +86,7 @@ class CameraTargetOptions:
     ] = None
     major_px: declared.MajorPx = None
     minor_px: declared.MinorPx = None
-    coplanar: Annotated[
+    same_plane: Annotated[
         bool | None,
         typer.Option(
             "--coplanar/--no-coplanar",

@@ -104,7 +104,7 @@ def _run(request: EstimateRequest, held: ExitStack) -> int:
         interrupted=interruption.received,
         resumable=journal is not None and not is_done,
         counted=request.known.count is not None,
-        coplanar=bool(request.known.coplanar),
+        coplanar=bool(request.known.same_plane),
     )
     if interruption.received:
         return INTERRUPTED

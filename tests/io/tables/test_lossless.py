@@ -75,7 +75,9 @@ def test_contours_are_left_out_and_all_else_is_kept():
     after = stored(made_result(circle)).circles[0]
     assert after.contour is None
     assert after.flags == circle.flags
-    assert after.cone is circle.cone
+    assert after.cone_kind is circle.cone_kind
+    assert np.array_equal(after.cone.factor, circle.cone.factor)
+    assert np.array_equal(after.cone.modes_covariance, circle.cone.modes_covariance)
     assert np.array_equal(after.candidates[0].covariance, np.eye(5))
 
 
@@ -114,6 +116,10 @@ def test_what_is_no_stored_result_is_refused(plain):
         ("candidates.0.covariance", [[1.0]]),
         ("candidates.0.generatrix_mm", "3"),
         ("candidates.0.odd", 1),
+        ("cone", "elliptical"),
+        ("cone.factor", [[1.0]]),
+        ("cone.modes_covariance", [[math.nan] * 5] * 5),
+        ("cone_kind", "oval"),
     ],
 )
 def test_values_that_cannot_be_are_refused(path, value):
