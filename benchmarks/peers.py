@@ -46,7 +46,7 @@ from circlepose.camera.camera import Camera, circle_contour
 from circlepose.fitting.cone_fit import factor_from_ellipse, fit_cone
 from circlepose.fitting.direct import fit_ellipse
 from circlepose.geometry.cone import plane_basis
-from circlepose.geometry.conic import Ellipse
+from circlepose.geometry.ellipse import Ellipse
 from circlepose.solvers.registry import solve
 from circlepose.synthesis.disc_sets import RADIUS_MM, disc_views
 from circlepose.synthesis.render import render

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from circlepose.camera.camera import CameraSigma as CameraSigma
     from circlepose.errors import CircleposeError as CircleposeError
     from circlepose.geometry.cone import ConeKind as ConeKind
-    from circlepose.geometry.conic import Ellipse as Ellipse
+    from circlepose.geometry.ellipse import Ellipse as Ellipse
     from circlepose.io.calibration.reader import read_camera as read_camera
     from circlepose.io.target_file import read_target as read_target
     from circlepose.measurement.user_contour import estimate_from_contour as estimate_from_contour
@@ -49,7 +49,7 @@ _HOME = {
     "ConeKind": "geometry.cone",
     "CovarianceTerms": "results",
     "DirectionHint": "targets.hints",
-    "Ellipse": "geometry.conic",
+    "Ellipse": "geometry.ellipse",
     "Flag": "results",
     "ImageResult": "results",
     "Status": "results",

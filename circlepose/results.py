@@ -8,7 +8,7 @@ from enum import StrEnum
 
 from circlepose._typing import FloatArray
 from circlepose.geometry.cone import ConeKind
-from circlepose.geometry.conic import Ellipse
+from circlepose.geometry.ellipse import Ellipse
 
 
 class Status(StrEnum):

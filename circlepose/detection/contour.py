@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from circlepose._typing import FloatArray
-from circlepose.geometry.conic import Ellipse
+from circlepose.geometry.ellipse import Ellipse
 from circlepose.targets.target import Polarity
 
 WANTED_SIGN: dict[Polarity, int] = {"any": 0, "dark": 1, "bright": -1}

@@ -22,7 +22,7 @@ from circlepose.detection.occluded import PartialRim, in_runs, partial_rims
 from circlepose.detection.offset_fit import fit_offsets
 from circlepose.detection.unexplained_edges import unexplained_tiles
 from circlepose.detection.verification import REASONS, Candidates, are_hopeless
-from circlepose.geometry.conic import Ellipse, rim_distance
+from circlepose.geometry.ellipse import Ellipse, rim_distance
 from circlepose.imaging.gray import eight_bit, has_low_range
 from circlepose.imaging.pyramid import pyramid
 from circlepose.imaging.subpixel_edges import RimEdges, edges_along

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from circlepose._typing import BoolArray, FloatArray, IntArray
-from circlepose.geometry.conic import Ellipse
+from circlepose.geometry.ellipse import Ellipse
 
 _SAME_PX = 1.5
 _SAME_SHARE = 0.03

@@ -10,7 +10,7 @@ from circlepose._typing import FloatArray, Image
 from circlepose.detection.contour import WANTED_SIGN, Contour, Rejection
 from circlepose.detection.occluded import partial_rim
 from circlepose.detection.verification import Candidates
-from circlepose.geometry.conic import Ellipse, rim_distance, signed_distance
+from circlepose.geometry.ellipse import Ellipse, rim_distance, signed_distance
 from circlepose.imaging.subpixel_edges import sample
 from circlepose.photometry.thin.fit import ThinEllipse, fit_thin_ellipse
 from circlepose.targets.target import AxisIntervals, Polarity

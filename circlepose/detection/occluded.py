@@ -14,7 +14,7 @@ from circlepose._typing import BoolArray, FloatArray, Image
 from circlepose.fitting.arc_precision import axis_errors, curvature_radius
 from circlepose.fitting.direct_batch import fit_each
 from circlepose.fitting.ransac import on_one_ellipse_each
-from circlepose.geometry.conic import Ellipse, rim_distance
+from circlepose.geometry.ellipse import Ellipse, rim_distance
 from circlepose.imaging.subpixel_edges import RimEdges, edges_along
 
 _ROUNDS = 5

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from circlepose._typing import BoolArray, FloatArray
-from circlepose.geometry.conic import Ellipse, own_normals, unit_circle, wrap_half_turn
+from circlepose.geometry.ellipse import Ellipse, own_normals, unit_circle, wrap_half_turn
 
 _ROUNDS = 3
 _SCALES = (0.1, 1.0)

@@ -7,7 +7,7 @@ import numpy as np
 
 from circlepose._typing import BoolArray, Image
 from circlepose.detection.edges.canny import LEAST_GRADIENT, TILE_PX, edge_map
-from circlepose.geometry.conic import Ellipse
+from circlepose.geometry.ellipse import Ellipse
 from circlepose.imaging.pyramid import to_reduced
 
 _TILE_PX = TILE_PX // 2

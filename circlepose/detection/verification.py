@@ -11,7 +11,7 @@ from circlepose._batching import joined
 from circlepose._typing import BoolArray, FloatArray, IntArray
 from circlepose.detection.contour import WANTED_SIGN, Contour, Rejection
 from circlepose.detection.occluded import PartialRim
-from circlepose.geometry.conic import Ellipse, rim_distance
+from circlepose.geometry.ellipse import Ellipse, rim_distance
 from circlepose.imaging.subpixel_edges import RimEdges
 from circlepose.photometry.thin.fit import are_thin
 from circlepose.targets.target import AxisIntervals, Polarity

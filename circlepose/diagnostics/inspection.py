@@ -11,7 +11,7 @@ import numpy as np
 from circlepose._typing import Image
 from circlepose.detection.contour import Contour, Extraction
 from circlepose.detection.detect import find_contours
-from circlepose.geometry.conic import Ellipse
+from circlepose.geometry.ellipse import Ellipse
 from circlepose.imaging.float_levels import without_gaps
 from circlepose.imaging.gray import eight_bit, to_grey
 from circlepose.targets.target import AxisIntervals, Polarity

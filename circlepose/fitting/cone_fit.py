@@ -18,7 +18,7 @@ from circlepose.camera.camera import Camera
 from circlepose.fitting.direct import MINIMUM_POINTS, Contours, fit_ellipse, fit_ellipses
 from circlepose.fitting.sampson import refine_ellipse
 from circlepose.geometry.cone import plane_basis
-from circlepose.geometry.conic import Ellipse
+from circlepose.geometry.ellipse import Ellipse
 
 _STEPS = 12
 """The direct fit is a good start: two or three steps do for a whole rim."""

@@ -11,7 +11,7 @@ from circlepose.camera.camera import Camera
 from circlepose.fitting.cone_fit import rim_distances_px
 from circlepose.fitting.direct import Contours
 from circlepose.fitting.direct_batch import fit_each
-from circlepose.geometry.conic import Ellipse, rim_distance, unit_circle
+from circlepose.geometry.ellipse import Ellipse, rim_distance, unit_circle
 
 _PLACES = 90
 

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from circlepose._typing import BoolArray, FloatArray, IntArray
-from circlepose.geometry.conic import Ellipse, ellipse_from_conic, is_ellipse
+from circlepose.geometry.conic import ellipse_from_conic, is_ellipse
+from circlepose.geometry.ellipse import Ellipse
 
 MINIMUM_POINTS = 6
 """Five determine a conic; with one more there is something to fit."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from circlepose._typing import BoolArray, FloatArray
-from circlepose.geometry.conic import Ellipse
+from circlepose.geometry.ellipse import Ellipse
 
 _TINY = 1e-300
 

@@ -12,7 +12,7 @@ import numpy as np
 from circlepose._typing import BoolArray, FloatArray
 from circlepose.fitting.direct import Contours, fit_ellipses
 from circlepose.fitting.direct_batch import fit_each
-from circlepose.geometry.conic import rim_distance
+from circlepose.geometry.ellipse import rim_distance
 
 _DRAWS = 120
 _STRETCHES = 4

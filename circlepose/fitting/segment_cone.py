@@ -13,7 +13,7 @@ import numpy as np
 from circlepose._typing import FloatArray
 from circlepose.fitting.cone_fit import ConeFit, SeenPoints
 from circlepose.fitting.direct import fit_ellipse
-from circlepose.geometry.conic import rim_distance
+from circlepose.geometry.ellipse import rim_distance
 
 FLAT_PX = 0.35
 """Half the width up to which a contour may be a segment: what is narrower is taken to be seen edge-on."""

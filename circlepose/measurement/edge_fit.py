@@ -25,7 +25,7 @@ from circlepose.fitting.cone_projection import image_ellipses, residuals_px, rim
 from circlepose.fitting.ransac import local_scatter, on_one_ellipse
 from circlepose.geometry.cone import SIGNATURE, principal_frame
 from circlepose.geometry.cone_perturbation import MODES, amounts_between
-from circlepose.geometry.conic import Ellipse
+from circlepose.geometry.ellipse import Ellipse
 from circlepose.imaging.subpixel_edges import contour_normals, locate_edges
 from circlepose.photometry.thin.fit import STRUCTURED, ThinEllipse, are_thin, fit_thin_ellipse
 

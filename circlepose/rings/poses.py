@@ -13,7 +13,7 @@ from circlepose.camera.camera import Camera
 from circlepose.fitting.cone_fit import SeenPoints
 from circlepose.geometry.cone import ConeKind, principal_frame
 from circlepose.geometry.cone_perturbation import MODES
-from circlepose.geometry.conic import signed_distance
+from circlepose.geometry.ellipse import signed_distance
 from circlepose.measurement.edge_fit import Rim
 from circlepose.rings.flatness import free_heights, is_stepped, log_flatness
 from circlepose.rings.joint_pose import (

@@ -17,7 +17,7 @@ from circlepose.camera.camera import Camera
 from circlepose.fitting.cone_fit import factor_from_ellipse
 from circlepose.geometry.cone import plane_basis, principal_frame
 from circlepose.geometry.cone_perturbation import pose_derivatives
-from circlepose.geometry.conic import Ellipse
+from circlepose.geometry.ellipse import Ellipse
 from circlepose.solvers.chen_huang import poses_from_frame
 
 _FLATTEST = 1e-12

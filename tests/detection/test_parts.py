@@ -15,7 +15,7 @@ from circlepose.detection.edges.chains import Chains
 from circlepose.detection.offset_fit import fit_offsets
 from circlepose.fitting.direct import fit_ellipse
 from circlepose.fitting.direct_batch import fit_each, fit_scatter, scatter_of
-from circlepose.geometry.conic import Ellipse, rim_distance
+from circlepose.geometry.ellipse import Ellipse, rim_distance
 from circlepose.imaging.pyramid import pyramid, to_full_size, to_reduced
 from circlepose.imaging.subpixel_edges import edges_along
 from tests.support.drawn import drawn_by_opencv_5

@@ -7,7 +7,7 @@ import numpy as np
 from circlepose._typing import BoolArray, FloatArray, IntArray
 from circlepose.detection.edges.arcs import SAMPLES, Arcs
 from circlepose.fitting.direct_batch import fit_scatter, scatter_of
-from circlepose.geometry.conic import Ellipse, rim_distance
+from circlepose.geometry.ellipse import Ellipse, rim_distance
 
 MOST_ARCS = 100
 """Of one image at one scale, the longest are tried: pairs grow with the square."""
