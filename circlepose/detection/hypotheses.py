@@ -17,7 +17,7 @@ from circlepose.detection.edges.canny import edge_chains
 from circlepose.detection.edges.chains import Chains
 from circlepose.detection.edges.region_borders import border_chains
 from circlepose.detection.unexplained_edges import rims_drawn
-from circlepose.fitting.direct_batch import fit_each
+from circlepose.fitting.direct import fit_each
 from circlepose.geometry.ellipse import Ellipse, rim_distance
 from circlepose.imaging.pyramid import to_full_size
 from circlepose.targets.target import AxisIntervals

@@ -12,7 +12,7 @@ import numpy as np
 
 from circlepose._typing import BoolArray, FloatArray, Image
 from circlepose.fitting.arc_precision import axis_errors, curvature_radius
-from circlepose.fitting.direct_batch import fit_each
+from circlepose.fitting.direct import fit_each
 from circlepose.fitting.ransac import on_one_ellipse_each
 from circlepose.geometry.ellipse import Ellipse, rim_distance
 from circlepose.imaging.subpixel_edges import RimEdges, edges_along

@@ -13,8 +13,9 @@ from circlepose import _arguments
 from circlepose._typing import FloatArray
 from circlepose.camera.camera import Camera
 from circlepose.errors import ArgumentError
-from circlepose.fitting.cone_fit import SeenPoints, fit_cone_to
+from circlepose.fitting.cone_fit import fit_cone_to
 from circlepose.fitting.direct import MINIMUM_POINTS
+from circlepose.fitting.observations import Observations
 from circlepose.fitting.segment_cone import fit_flat_cone, is_flat
 from circlepose.measurement.edge_fit import Rim, as_given, has_length, rim_from_fit, segment_from_fit
 from circlepose.measurement.poses import circle_results
@@ -118,7 +119,7 @@ def _are_contours(value: object) -> TypeGuard[Sequence[object]]:
 
 def _rim(points: FloatArray, camera: Camera) -> Rim | str:
     """Return the rim that the contour is, a segment where it is as narrow as one, or why it is none."""
-    seen = SeenPoints.of(camera, points)
+    seen = Observations.of(camera, points)
     fit = fit_cone_to(seen)
     rim = None if fit is None or is_flat(fit) else rim_from_fit(camera, fit, points)
     flat = fit_flat_cone(seen)

@@ -17,7 +17,7 @@ import numpy as np
 
 from circlepose._typing import FloatArray, Image
 from circlepose.camera.camera import Camera
-from circlepose.fitting.cone_fit import factor_from_ellipse
+from circlepose.fitting.cone_projection import factor_from_ellipse
 from circlepose.fitting.direct import fit_ellipse
 from circlepose.geometry.ellipse import Ellipse, signed_distance
 from circlepose.pipeline import estimate

@@ -14,7 +14,7 @@ import numpy as np
 from circlepose._numerics import cross
 from circlepose._typing import BoolArray, FloatArray
 from circlepose.camera.camera import Camera
-from circlepose.fitting.cone_fit import factor_from_ellipse
+from circlepose.fitting.cone_projection import factor_from_ellipse
 from circlepose.geometry.cone import plane_basis, principal_frame
 from circlepose.geometry.cone_perturbation import pose_derivatives
 from circlepose.geometry.ellipse import Ellipse

@@ -13,8 +13,7 @@ from circlepose.detection.edges.arc_grouping import joined_arcs
 from circlepose.detection.edges.arcs import SHORTEST_CHAIN, arcs_of
 from circlepose.detection.edges.chains import Chains
 from circlepose.detection.offset_fit import fit_offsets
-from circlepose.fitting.direct import fit_ellipse
-from circlepose.fitting.direct_batch import fit_each, fit_scatter, scatter_of
+from circlepose.fitting.direct import fit_each, fit_ellipse, fit_scatter, scatter_of
 from circlepose.geometry.ellipse import Ellipse, rim_distance
 from circlepose.imaging.pyramid import pyramid, to_full_size, to_reduced
 from circlepose.imaging.subpixel_edges import edges_along

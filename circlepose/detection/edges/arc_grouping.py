@@ -6,7 +6,7 @@ import numpy as np
 
 from circlepose._typing import BoolArray, FloatArray, IntArray
 from circlepose.detection.edges.arcs import SAMPLES, Arcs
-from circlepose.fitting.direct_batch import fit_scatter, scatter_of
+from circlepose.fitting.direct import fit_scatter, scatter_of
 from circlepose.geometry.ellipse import Ellipse, rim_distance
 
 MOST_ARCS = 100
