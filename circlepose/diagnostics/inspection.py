@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from circlepose._typing import Image
-from circlepose.detection.contour import Contour, Extraction
+from circlepose.detection.contour import Contour, DetectionResult
 from circlepose.detection.detect import find_contours
 from circlepose.geometry.ellipse import Ellipse
 from circlepose.imaging.float_levels import without_gaps
@@ -33,7 +33,7 @@ class Inspection:
 
     image_size: tuple[int, int]
     """width, height in px"""
-    extraction: Extraction
+    extraction: DetectionResult
     suggested: AxisIntervals | None
     """intervals that hold the largest family of the contours kept; None where there are none"""
 
