@@ -43,10 +43,11 @@ from benchmarks.support.environments import (
 )
 from circlepose._typing import FloatArray, Image
 from circlepose.camera.camera import Camera, circle_contour
-from circlepose.fitting.cone_fit import factor_from_ellipse, fit_cone
+from circlepose.fitting.cone_fit import fit_cone
+from circlepose.fitting.cone_projection import factor_from_ellipse
 from circlepose.fitting.direct import fit_ellipse
 from circlepose.geometry.cone import plane_basis
-from circlepose.geometry.conic import Ellipse
+from circlepose.geometry.ellipse import Ellipse
 from circlepose.solvers.registry import solve
 from circlepose.synthesis.disc_sets import RADIUS_MM, disc_views
 from circlepose.synthesis.render import render

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from circlepose.errors import CircleposeError as CircleposeError
     from circlepose.errors import ImageError as ImageError
     from circlepose.geometry.cone import ConeKind as ConeKind
-    from circlepose.geometry.conic import Ellipse as Ellipse
+    from circlepose.geometry.ellipse import Ellipse as Ellipse
     from circlepose.geometry.measured_cone import Cone as Cone
     from circlepose.io.calibration.reader import read_camera as read_camera
     from circlepose.io.images.reader import read_image as read_image
@@ -63,7 +63,7 @@ _HOME = {
     "ConeKind": "geometry.cone",
     "CovarianceTerms": "results",
     "DirectionHint": "targets.hints",
-    "Ellipse": "geometry.conic",
+    "Ellipse": "geometry.ellipse",
     "Explanation": "diagnostics.explain",
     "Flag": "results",
     "ImageError": "errors",

@@ -11,7 +11,7 @@ import numpy as np
 
 from circlepose._typing import FloatArray
 from circlepose.geometry.cone import ConeKind, circle_frame, plane_basis
-from circlepose.geometry.conic import Ellipse
+from circlepose.geometry.ellipse import Ellipse
 from circlepose.geometry.measured_cone import Cone
 
 

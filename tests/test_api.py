@@ -22,7 +22,7 @@ from circlepose.camera.camera import circle_contour
 from circlepose.errors import ArgumentError, TargetError, UsageError
 from circlepose.geometry.cone import circle_frame, factor_from_circle
 from circlepose.geometry.cone_perturbation import pose_derivatives
-from circlepose.geometry.conic import signed_distance
+from circlepose.geometry.ellipse import signed_distance
 from circlepose.io.tables.columns import COLUMNS, csv_cell, pose_rows
 from circlepose.io.target_file import target_from_mapping, target_to_mapping
 from circlepose.synthesis.render import render

@@ -15,7 +15,7 @@ from circlepose._typing import FloatArray, frozen
 from circlepose.camera import lens
 from circlepose.errors import CalibrationError
 from circlepose.geometry.cone import factor_from_circle
-from circlepose.geometry.conic import unit_circle
+from circlepose.geometry.ellipse import unit_circle
 
 LensModel = Literal["pinhole", "fisheye"]
 _LARGEST = 1e9

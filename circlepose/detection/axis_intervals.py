@@ -5,23 +5,41 @@ from __future__ import annotations
 import numpy as np
 
 from circlepose.camera.camera import Camera
+from circlepose.detection.options import DEFAULT, DetectionOptions
 from circlepose.targets.target import AxisIntervals, Target
 
-_SMALLEST_MAJOR_PX = 5.0
 _GRID = 9
-_FARTHER = 0.8
-"""The smaller of two coaxial circles may be the farther one, by less than a quarter of the distance."""
+"""Points each way at which the scale of the image is evaluated."""
+_WIDEST_RAD = np.radians(85.0)
+"""rad; widest field angle for which a depth along the axis means a distance."""
 
 
-def axis_intervals(target: Target, camera: Camera, image_size: tuple[int, int]) -> AxisIntervals:
-    """Return the target's own axis intervals, or those that follow from radius and depth range, or none.
+def axis_intervals(
+    target: Target, camera: Camera, image_size: tuple[int, int], options: DetectionOptions = DEFAULT
+) -> AxisIntervals:
+    """Return the lengths that the axes of the target's circles can have in the image.
 
-    A circle of radius R at distance d has a largest apex angle between 2 atan(R/d) and 2 asin(R/d), however it
-    is tilted; the lens turns angles into px at a rate that varies over the image (`image_size`: width, height).
-    The minor axis has no lower bound from this: the circle may be seen edge-on. Intervals are the largest
-    circle's; those returned hold the others' as well.
+    A circle of radius R at distance d has a largest apex angle between 2 atan(R/d) and 2 asin(R/d), at any tilt. The
+    lens turns angles into px at a rate that varies over the image. The minor axis has no lower bound from this: the
+    circle may be seen edge-on.
+
+    Parameters
+    ----------
+    target
+        With its own intervals or a depth range, in mm; those of a target are for its largest circle.
+    camera
+        The calibration, for this image size.
+    image_size
+        Width and height, px.
+    options
+        The numbers of the detection.
+
+    Returns
+    -------
+    Intervals in px that hold the axes of all circles of the target: its own, or those that follow from radius and
+    depth range; without both, no limits.
     """
-    smallest = _smallest_share(target)
+    smallest = _smallest_share(target, options)
     given = target.axis_intervals
     if given is not None and given.major_px is not None:
         return AxisIntervals(_lowered(given.major_px, smallest), _lowered(given.minor_px, smallest))
@@ -34,14 +52,16 @@ def axis_intervals(target: Target, camera: Camera, image_size: tuple[int, int]) 
     # Depth is along the axis; off axis the same depth is farther away.
     small = 2.0 * np.arctan(radius * np.cos(widest) / farthest) * slowest
     large = 2.0 * np.arcsin(min(1.0, radius / max(nearest, radius))) * fastest
-    low = max(_SMALLEST_MAJOR_PX, 0.9 * float(small) * smallest)
-    return AxisIntervals(major_px=(low, max(1.1 * float(large), low + 1.0)), minor_px=_lowered(minor, smallest))
+    low = max(options.smallest_major_px, (1.0 - options.size_slack) * float(small) * smallest)
+    return AxisIntervals(
+        major_px=(low, max((1.0 + options.size_slack) * float(large), low + 1.0)), minor_px=_lowered(minor, smallest)
+    )
 
 
-def _smallest_share(target: Target) -> float:
+def _smallest_share(target: Target, options: DetectionOptions) -> float:
     """Return how small the target's smallest circle can appear, as a share of its largest."""
     share = target.radii_mm[-1] / target.radii_mm[0]
-    return share if target.kind != "coaxial" else _FARTHER * share
+    return share if target.kind != "coaxial" else options.far_circle_share * share
 
 
 def _lowered(interval: tuple[float, float] | None, share: float) -> tuple[float, float] | None:
@@ -58,4 +78,4 @@ def _px_per_radian(camera: Camera, image_size: tuple[int, int]) -> tuple[float, 
         return 1.0, 1e6, 0.0
     per_px = np.linalg.svd(jacobian[usable], compute_uv=False)
     widest = float(np.arccos(np.clip(rays[usable, 2], -1.0, 1.0)).max())
-    return float(1.0 / per_px.max()), float(1.0 / per_px.min()), min(widest, np.radians(85.0))
+    return float(1.0 / per_px.max()), float(1.0 / per_px.min()), min(widest, _WIDEST_RAD)

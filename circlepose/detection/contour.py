@@ -1,4 +1,4 @@
-"""What extraction hands on: the contours kept, with why, and those rejected, with why not."""
+"""The result of detection: the contours kept, with why, and those rejected, with why not."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from circlepose._typing import FloatArray
-from circlepose.geometry.conic import Ellipse
+from circlepose.geometry.ellipse import Ellipse
 from circlepose.targets import Polarity
 
 WANTED_SIGN: dict[Polarity, int] = {"any": 0, "dark": 1, "bright": -1}
-"""Sign of `Contour.polarity` that each wish admits; 0 admits both."""
+"""Sign of `Contour.polarity` that each value of a target admits; 0 admits both."""
 
 
 class Rejection(StrEnum):
@@ -36,24 +36,24 @@ class Rejection(StrEnum):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Contour:
-    """A contour that is taken for the rim of a circle's image."""
+    """A contour that may be the rim of a circle's image."""
 
     points: FloatArray
-    """(n, 2) px, sub-pixel, in order around the rim; places without an edge are left out"""
+    """(n, 2) px, sub-pixel, in order around the rim; samples without an edge are left out"""
     ellipse: Ellipse
     """fitted in the raw image"""
     polarity: int
     """+1: darker inside, -1: brighter inside"""
     step: float
-    """height of the edge, grey levels"""
+    """height of the edge, gray levels"""
     rim_used: float
-    """share of the rim that stands on the edge, 0 to 1"""
+    """share of the rim that lies on the edge, 0 to 1"""
     residual_px: float
     """rms distance of the points from the ellipse"""
     evidence: float
-    """what contours are ranked by: edge height summed along the rim, less for a ragged one"""
+    """levels x px; contours are ranked by it: edge height summed along the rim, less for a ragged one"""
     score: float
-    """how surely it is a circle's rim, 0 to 1: `rim_used`, less where the edge strays or varies"""
+    """confidence that it is a circle's rim, 0 to 1: `rim_used`, less where the edge strays or varies"""
 
     @property
     def kept_because(self) -> str:
@@ -66,13 +66,15 @@ class Contour:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Extraction:
-    """All contours of one image: those kept, most evidence first, and how many were rejected why."""
+class DetectionResult:
+    """All contours of one image: those kept, most evidence first, and how many were rejected for which reason."""
 
     contours: tuple[Contour, ...]
     rejected: Counter[Rejection]
+    """number of contours by reason; not to be changed"""
     refused: Ellipse
-    """(batch) those rejected of which the edge was looked at closely, most evidence first"""
+    """(batch) those rejected after the edges along them were located, most evidence first"""
     refused_why: tuple[Rejection, ...]
+    """their reasons, in the same order"""
     is_complete: bool
-    """whether the search went on to the smallest circles, and did not end with as many as were asked for"""
+    """whether the search went on to the smallest circles; else it ended with as many as were asked for"""

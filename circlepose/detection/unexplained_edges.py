@@ -1,43 +1,45 @@
-"""Where an image shows edges that no known rim explains: only there is anything left for a finer one to show."""
+"""Where an image shows edges that no known rim explains: only there a finer image can show more."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import cv2
 import numpy as np
 
 from circlepose._typing import BoolArray, Image
-from circlepose.detection.edges.canny import LEAST_GRADIENT, TILE_PX, edge_map
-from circlepose.geometry.conic import Ellipse
+from circlepose.detection.edges.canny import TILE_PX, edge_map
+from circlepose.detection.options import DEFAULT, DetectionOptions
+from circlepose.geometry.ellipse import Ellipse
 from circlepose.imaging.pyramid import to_reduced
 
 _TILE_PX = TILE_PX // 2
-"""Side of a tile of the next finer image in the one that is looked at."""
-_FAINTER = 0.5
-"""A line one px wide loses half of its contrast in the next smaller image."""
+"""px; side of a tile of the next finer image in this one."""
 _CORNERS = 48
-"""Of the polygon that stands for a known rim."""
+"""Corners of the polygon that is drawn for a known rim."""
 
 
-def unexplained_tiles(image: Image, known: Ellipse, scale: float) -> BoolArray:
-    """Tell (rows, columns) which tiles of `image`, reduced by `scale`, have an edge beside the rims `known`.
+def unexplained_tiles(image: Image, known: Ellipse, scale: float, options: DetectionOptions = DEFAULT) -> BoolArray:
+    """Return which tiles (rows, columns) of `image`, reduced by `scale`, have an edge off the rims `known`.
 
-    And those next to them. What the next finer image shows this one shows, too, as there is less noise in it; but
-    thin lines, for which the fainter edges count.
+    And which are next to one. This image shows what the next finer one does, as it has less noise. Thin lines are
+    fainter in it, so fainter edges count.
     """
-    edges = edge_map(image, least_gradient=_FAINTER * LEAST_GRADIENT)
+    least = options.edges.faint_share * options.edges.least_gradient
+    edges = edge_map(image, replace(options.edges, least_gradient=least))
     drawn = rims_drawn(known, scale, image)
     if drawn is not None:
         edges[drawn] = 0
     tiles = np.zeros([-(-side // _TILE_PX) for side in edges.shape], np.uint8)
-    places = cv2.findNonZero(edges)
-    if places is not None:
-        columns, rows = places.reshape(-1, 2).T // _TILE_PX
+    points = cv2.findNonZero(edges)
+    if points is not None:
+        columns, rows = points.reshape(-1, 2).T // _TILE_PX
         tiles[rows, columns] = 1
     return cv2.dilate(tiles, np.ones((3, 3), np.uint8)).view(np.bool_)
 
 
 def rims_drawn(known: Ellipse, scale: float, image: Image) -> BoolArray | None:
-    """Return (h, w) what of an `image`, reduced by `scale`, lies on rims `known` (full-size px); None without any."""
+    """Return which pixels (h, w) of `image`, reduced by `scale`, lie on the rims `known` (px of the full image)."""
     if len(known) == 0:
         return None
     drawn = np.zeros(image.shape, np.uint8)

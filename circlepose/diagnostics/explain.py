@@ -15,7 +15,7 @@ from circlepose.detection.contour import Contour
 from circlepose.detection.detect import find_contours
 from circlepose.diagnostics.residuals import LevelResiduals, level_residuals
 from circlepose.geometry.cone import factor_from_circle
-from circlepose.geometry.conic import Ellipse, signed_distance
+from circlepose.geometry.ellipse import Ellipse, signed_distance
 from circlepose.imaging.float_levels import without_gaps
 from circlepose.imaging.gray import to_grey
 from circlepose.measurement.edge_fit import Rim, fit_rim

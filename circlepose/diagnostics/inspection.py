@@ -10,9 +10,9 @@ import numpy as np
 
 from circlepose import _arguments
 from circlepose._typing import Image
-from circlepose.detection.contour import Contour, Extraction
+from circlepose.detection.contour import Contour, DetectionResult
 from circlepose.detection.detect import find_contours
-from circlepose.geometry.conic import Ellipse
+from circlepose.geometry.ellipse import Ellipse
 from circlepose.imaging.float_levels import without_gaps
 from circlepose.imaging.gray import eight_bit, to_grey
 from circlepose.targets import POLARITIES, Polarity
@@ -35,7 +35,7 @@ class Inspection:
 
     image_size: tuple[int, int]
     """width, height in px"""
-    extraction: Extraction
+    extraction: DetectionResult
     suggested: AxisIntervals | None
     """intervals that hold the largest family of the contours kept; None where there are none"""
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from circlepose._typing import BoolArray, FloatArray, Image
 from circlepose.camera.camera import Camera
-from circlepose.geometry.conic import Ellipse
+from circlepose.geometry.ellipse import Ellipse
 from circlepose.photometry.binary_mask import as_fitted
 from circlepose.photometry.edge_spread import curved, places, straight
 from circlepose.photometry.fit import Expected, LevelsFit, fit_to_levels

@@ -15,7 +15,7 @@ from circlepose.drawing import captions
 from circlepose.drawing.captions import Color
 from circlepose.drawing.overlay import draw_overlay, to_bgr8
 from circlepose.drawing.plots import FAINT, INK, Plot, diverging, lines, means, text
-from circlepose.geometry.conic import Ellipse
+from circlepose.geometry.ellipse import Ellipse
 
 MOST_CIRCLES = 6
 """drawn in one picture"""

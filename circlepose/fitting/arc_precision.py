@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from circlepose._typing import FloatArray
-from circlepose.geometry.conic import Ellipse
+from circlepose.geometry.ellipse import Ellipse
 
 
 def axis_errors(ellipse: Ellipse, points: FloatArray, error: float) -> FloatArray:

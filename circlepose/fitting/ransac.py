@@ -1,77 +1,126 @@
-"""Edge points of which a good part is not the rim's -> those that lie on one ellipse.
+"""Edge points, many of them not of the rim -> those that lie on one ellipse. RANSAC with fixed draws.
 
-Where something hides part of a rim, its own edges stand along the hidden part, smooth and close: they pull a
-fit without standing out from it. So ellipses are drawn through a few short stretches of the rim at a time, and
-the one on which most points lie as closely as neighbouring points agree with each other is taken.
+Where something hides part of a rim, its own edges run along the hidden part, smooth and close: they pull a
+least-squares fit without being outliers of it. So ellipses are fitted to a few short segments of the rim, drawn at
+random, and the ellipse with the most points close to it is taken (Fischler & Bolles, 1981). The draws are the same at
+every call, so equal points give equal answers.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
-from circlepose._typing import BoolArray, FloatArray
-from circlepose.fitting.direct import Contours, fit_ellipses
-from circlepose.fitting.direct_batch import fit_each
-from circlepose.geometry.conic import rim_distance
+from circlepose._typing import BoolArray, FloatArray, IntArray
+from circlepose.fitting.direct import Contours, fit_each, fit_ellipses
+from circlepose.geometry.ellipse import Ellipse, rim_distance
 
 _DRAWS = 120
-_STRETCHES = 4
-_STRETCH_SHARE = 0.07
+"""Draws for one contour. With half of the rim hidden some seven of them are of the rim alone; empirical."""
+_SEGMENTS = 4
+"""Segments of the rim in one draw: two determine an ellipse poorly; empirical."""
+_SEGMENT_SHARE = 0.07
+"""Length of a segment, as a share of the points; empirical."""
 _TOLERANCE = 3.0
-"""In units of the points' own scatter."""
+"""Distance from the ellipse, in units of the points' own scatter, up to which a point lies on it; statistical."""
 _SEED = 7
 
 
 def local_scatter(points: FloatArray) -> float:
-    """Return how far neighbouring points (n, 2) of a contour stray from each other across it, robustly.
+    """Return the robust standard deviation of neighboring points of a contour across it.
 
-    From second differences, which a smooth contour hardly has, whatever its shape.
+    Parameters
+    ----------
+    points
+        (n, 2) in order along a closed contour, any plane unit.
+
+    Returns
+    -------
+    In the same unit: the median absolute second difference across the contour, scaled to a normal distribution. A
+    smooth contour of any shape adds nearly nothing to it.
     """
     middle = points - (np.roll(points, 1, axis=0) + np.roll(points, -1, axis=0)) / 2.0
     tangent = np.roll(points, -1, axis=0) - np.roll(points, 1, axis=0)
     tangent = tangent / np.maximum(np.linalg.norm(tangent, axis=1, keepdims=True), 1e-12)
     across = middle[:, 0] * tangent[:, 1] - middle[:, 1] * tangent[:, 0]
-    # Curvature gives every difference the same small share, which the median takes out.
+    # Curvature adds the same small amount to every difference; the median removes it.
     return float(1.4826 * np.median(np.abs(across - np.median(across))) / np.sqrt(1.5))
 
 
 def on_one_ellipse(points: FloatArray, scatter: float) -> BoolArray:
-    """Tell which of the contour's `points` (n, 2), in order, lie on the ellipse that most agree on, (n,).
+    """Return which points of one contour lie on the ellipse that most of them agree on, for measuring.
 
-    The draws are the same at every call, so that equal points give equal answers.
+    Parameters
+    ----------
+    points
+        (n, 2) in order along a closed contour, any plane unit.
+    scatter
+        Standard deviation of a point across the contour, in the same unit: see `local_scatter`.
+
+    Returns
+    -------
+    (n,) whether each point is within 3 `scatter` of that ellipse. The ellipses through the draws are exact fits, as
+    the scatter of a computed contour is that of rounding.
     """
-    number = len(points)
-    length = max(3, round(_STRETCH_SHARE * number))
-    generator = np.random.default_rng(_SEED)
-    starts = generator.integers(number, size=(_DRAWS, _STRETCHES))
-    chosen = (starts[:, :, None] + np.arange(length)) % number
-    drawn = points[chosen.reshape(_DRAWS, -1)]
-    size = drawn.shape[1]
-    ellipses, found = fit_ellipses(Contours(drawn.reshape(-1, 2), np.arange(_DRAWS) * size))
-    near = np.abs(rim_distance(ellipses, np.broadcast_to(points, (_DRAWS, *points.shape)))) <= _TOLERANCE * scatter
-    votes = np.where(found, near.sum(axis=1), 0)
-    return np.asarray(near[int(np.argmax(votes))])
+    starts = np.random.default_rng(_SEED).integers(len(points), size=(1, _DRAWS, _SEGMENTS))
+    usable = np.ones((1, len(points)), dtype=np.bool_)
+    return _most_agreeing(points[None], usable, np.array([_TOLERANCE * scatter]), starts, _fit_exactly)[0]
 
 
 def on_one_ellipse_each(points: FloatArray, usable: BoolArray, near_px: FloatArray, draws: int) -> BoolArray:
-    """Tell (m, k) which `usable` (m, k) ones of the `points` (m, k, 2) of m rims, in order, lie on one ellipse.
+    """Return which points of each of many rims lie on the ellipse that most of them agree on, for hypotheses.
 
-    Closer than `near_px` (m,). The draws are the same at every call, so that equal points give equal answers.
+    Parameters
+    ----------
+    points
+        (m, k, 2) px, in order along each of m closed rims.
+    usable
+        (m, k) the points that take part.
+    near_px
+        (m,) px, distance from the ellipse up to which a point lies on it.
+    draws
+        Draws for each rim.
+
+    Returns
+    -------
+    (m, k) whether each usable point lies on that ellipse. The ellipses through the draws are fast fits.
     """
-    rims, places = usable.shape
     number = np.maximum(np.count_nonzero(usable, axis=1), 1)
-    length = max(3, round(_STRETCH_SHARE * float(number.max())))
-    starts = np.floor(np.random.default_rng(_SEED).random((draws, _STRETCHES)) * number[:, None, None])
-    chosen = (starts[..., None].astype(np.int64) + np.arange(length)) % number[:, None, None, None]
-    # The usable ones first, in their order.
+    starts = np.floor(np.random.default_rng(_SEED).random((draws, _SEGMENTS)) * number[:, None, None])
+    return _most_agreeing(points, usable, near_px, starts.astype(np.int64), fit_each)
+
+
+def _most_agreeing(
+    points: FloatArray,
+    usable: BoolArray,
+    near: FloatArray,
+    starts: IntArray,
+    fit: Callable[[FloatArray], tuple[Ellipse, BoolArray]],
+) -> BoolArray:
+    """Return which usable points (m, k) are within `near` (m,) of the drawn ellipse with the most such points.
+
+    `starts` (m, draws, segments) are where the drawn segments start, counted along the usable points; `fit` fits
+    ellipses to drawn points (m draws, j, 2).
+    """
+    rims, draws, _ = starts.shape
+    number = np.maximum(np.count_nonzero(usable, axis=1), 1)
+    length = max(3, round(_SEGMENT_SHARE * float(number.max())))
+    chosen = (starts[..., None] + np.arange(length)) % number[:, None, None, None]
+    # The usable points first, in their order.
     order = np.argsort(~usable, axis=1, kind="stable")
     rows = np.arange(rims)[:, None, None, None]
-    drawn = points[rows, order[rows, chosen]].reshape(rims * draws, -1, 2)
-    ellipses, found = fit_each(drawn)
-    # Of one rim at a time, which bounds the memory.
-    near = np.empty((rims, draws, places), np.bool_)
+    ellipses, found = fit(points[rows, order[rows, chosen]].reshape(rims * draws, -1, 2))
+    # One rim at a time limits the memory.
+    agreeing = np.empty((rims, draws, points.shape[1]), np.bool_)
     for i in range(rims):
-        near[i] = np.abs(rim_distance(ellipses[i * draws : (i + 1) * draws], points[i])) <= near_px[i]
-    near &= usable[:, None, :] & found.reshape(rims, draws, 1)
-    best = np.argmax(np.count_nonzero(near, axis=2), axis=1)
-    return np.asarray(near[np.arange(rims), best])
+        agreeing[i] = np.abs(rim_distance(ellipses[i * draws : (i + 1) * draws], points[i])) <= near[i]
+    agreeing &= usable[:, None, :] & found.reshape(rims, draws, 1)
+    best = np.argmax(np.count_nonzero(agreeing, axis=2), axis=1)
+    return np.asarray(agreeing[np.arange(rims), best])
+
+
+def _fit_exactly(drawn: FloatArray) -> tuple[Ellipse, BoolArray]:
+    """Return the exact fits to the rows of `drawn` (m, j, 2), and which were found (m,)."""
+    number, size, _ = drawn.shape
+    return fit_ellipses(Contours(drawn.reshape(-1, 2), np.arange(number) * size))

@@ -26,7 +26,7 @@ import numpy as np
 from circlepose._typing import FloatArray, frozen
 from circlepose.errors import ArgumentError
 from circlepose.fitting.direct import fit_ellipse
-from circlepose.geometry.conic import Ellipse, rim_distance
+from circlepose.geometry.ellipse import Ellipse, rim_distance
 
 LATENT_CONICS = np.array(
     [

@@ -11,9 +11,10 @@ from __future__ import annotations
 import numpy as np
 
 from circlepose._typing import FloatArray
-from circlepose.fitting.cone_fit import ConeFit, SeenPoints
+from circlepose.fitting.cone_fit import ConeFit
 from circlepose.fitting.direct import fit_ellipse
-from circlepose.geometry.conic import rim_distance
+from circlepose.fitting.observations import Observations
+from circlepose.geometry.ellipse import rim_distance
 
 FLAT_PX = 0.35
 """Half the width up to which a contour may be a segment: what is narrower is taken to be seen edge-on."""
@@ -31,7 +32,7 @@ def is_flat(fit: ConeFit) -> bool:
     return bool(values[2] < _FLATTEST * values[1])
 
 
-def fit_flat_cone(seen: SeenPoints) -> ConeFit | None:
+def fit_flat_cone(seen: Observations) -> ConeFit | None:
     """Fit the flat viewing cone of a closed contour whose rays lie in a plane; None where they do not, or are one.
 
     Its residuals are the distances from the plane, in px.

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from circlepose._typing import BoolArray, FloatArray, Image, RealArray
-from circlepose.geometry.conic import Ellipse, own_normals
+from circlepose.geometry.ellipse import Ellipse, own_normals
 
 _STEP_PX = 0.5
 _DIFFERENCE_VARIANCE = 1.0 / 12.0

@@ -11,7 +11,7 @@ from circlepose._typing import BoolArray, FloatArray, Image
 from circlepose.camera.camera import Camera
 from circlepose.fitting.cone_fit import ConeFit
 from circlepose.fitting.cone_projection import image_ellipses, residuals_px
-from circlepose.geometry.conic import Ellipse, rim_distance
+from circlepose.geometry.ellipse import Ellipse, rim_distance
 from circlepose.measurement.edge_fit import Rim
 from circlepose.photometry.fit import LevelsFit
 

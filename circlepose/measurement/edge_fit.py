@@ -11,21 +11,19 @@ from circlepose._typing import FloatArray, Image
 from circlepose.camera.camera import Camera
 from circlepose.detection.contour import Contour
 from circlepose.fitting.arc_precision import axis_errors
-from circlepose.fitting.cone_fit import (
-    ConeFit,
-    SeenPoints,
-    direct_cones,
+from circlepose.fitting.cone_fit import ConeFit, direct_cones, fit_cone, fit_cone_to
+from circlepose.fitting.cone_projection import (
     factor_from_ellipse,
     factors_from_ellipses,
-    fit_cone,
-    fit_cone_to,
-    rim_distance_px,
+    image_ellipses,
+    residuals_px,
+    rim_pixels,
 )
-from circlepose.fitting.cone_projection import image_ellipses, residuals_px, rim_pixels
+from circlepose.fitting.observations import Observations, rim_distance_px
 from circlepose.fitting.ransac import local_scatter, on_one_ellipse
 from circlepose.geometry.cone import SIGNATURE, principal_frame
 from circlepose.geometry.cone_perturbation import MODES, amounts_between
-from circlepose.geometry.conic import Ellipse
+from circlepose.geometry.ellipse import Ellipse
 from circlepose.imaging.subpixel_edges import contour_normals, locate_edges
 from circlepose.photometry.thin.fit import STRUCTURED, ThinEllipse, are_thin, fit_thin_ellipse
 
@@ -186,7 +184,7 @@ def with_edges_placed(levels: Image, camera: Camera, rim: Rim) -> Rim | None:
 
 def _place_edges(
     levels: Image, camera: Camera, factor: FloatArray, ellipse: Ellipse
-) -> tuple[SeenPoints, int] | None:
+) -> tuple[Observations, int] | None:
     """Place edges along the rim of the cone with `factor`; returns those found and at how many places."""
     perimeter = np.pi * float(ellipse.semi_major + ellipse.semi_minor)
     places = int(np.clip(perimeter / _SPACING_PX, *_PLACES))
@@ -195,10 +193,10 @@ def _place_edges(
         return None
     reach = min(_REACH_PX, max(0.45 * float(ellipse.semi_minor) + 0.5, 1.0))
     edges = locate_edges(levels, predicted[None], contour_normals(predicted[None]), np.array([reach]))
-    return SeenPoints.of(camera, edges.points[0][edges.valid[0]]), places
+    return Observations.of(camera, edges.points[0][edges.valid[0]]), places
 
 
-def _with_all_near(fit: ConeFit, edges: SeenPoints, tolerance_px: float) -> tuple[ConeFit, SeenPoints] | None:
+def _with_all_near(fit: ConeFit, edges: Observations, tolerance_px: float) -> tuple[ConeFit, Observations] | None:
     """Fit again to all `edges` within `tolerance_px` of the rim of `fit`."""
     near = np.abs(rim_distance_px(fit.factor, edges.rays, edges.jacobians)) <= tolerance_px
     again = fit_cone_to(edges[near], start=fit.factor)
@@ -273,7 +271,7 @@ def _modes_covariance(camera: Camera, fitted: ThinEllipse, factor: FloatArray) -
     return np.asarray(slopes @ fitted.covariance @ slopes.T)
 
 
-def _without_outliers(edges: SeenPoints, start: FloatArray) -> tuple[ConeFit, SeenPoints] | None:
+def _without_outliers(edges: Observations, start: FloatArray) -> tuple[ConeFit, Observations] | None:
     """Fit a cone, near that with the factor `start`, to `edges`, leaving out those that stand apart.
 
     Returns also those in use.

@@ -14,8 +14,9 @@ from circlepose._typing import FloatArray, Image
 from circlepose.camera.camera import Camera
 from circlepose.detection.contour import Contour
 from circlepose.errors import ArgumentError
-from circlepose.fitting.cone_fit import SeenPoints, fit_cone_to
+from circlepose.fitting.cone_fit import fit_cone_to
 from circlepose.fitting.direct import MINIMUM_POINTS
+from circlepose.fitting.observations import Observations
 from circlepose.fitting.segment_cone import fit_flat_cone, is_flat
 from circlepose.imaging.float_levels import without_gaps
 from circlepose.imaging.gray import to_grey
@@ -163,7 +164,7 @@ def _are_contours(value: object) -> TypeGuard[Sequence[object]]:
 
 def _rim(points: FloatArray, camera: Camera) -> Rim | str:
     """Return the rim that the contour is, a segment where it is as narrow as one, or why it is none."""
-    seen = SeenPoints.of(camera, points)
+    seen = Observations.of(camera, points)
     fit = fit_cone_to(seen)
     rim = None if fit is None or is_flat(fit) else rim_from_fit(camera, fit, points)
     flat = fit_flat_cone(seen)

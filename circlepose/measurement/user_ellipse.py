@@ -9,8 +9,9 @@ import numpy as np
 from circlepose import _arguments
 from circlepose.camera.camera import Camera
 from circlepose.errors import ArgumentError
-from circlepose.fitting.cone_fit import ConeFit, factor_from_ellipse, fit_cone
-from circlepose.geometry.conic import Ellipse
+from circlepose.fitting.cone_fit import ConeFit, fit_cone
+from circlepose.fitting.cone_projection import factor_from_ellipse
+from circlepose.geometry.ellipse import Ellipse
 from circlepose.measurement.edge_fit import Rim, rim_from_fit
 from circlepose.measurement.poses import circle_results
 from circlepose.results import CircleResult, Status

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from circlepose._typing import Image
-from circlepose.geometry.conic import Ellipse
+from circlepose.geometry.ellipse import Ellipse
 
 _PLACES = 90
 _OFFSETS_PX = np.array([-2.0, -1.0, 0.0, 1.0, 2.0])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from circlepose._typing import FloatArray, Image
-from circlepose.geometry.conic import Ellipse
+from circlepose.geometry.ellipse import Ellipse
 
 REACH_PX = 3.0
 REACH_SIGMA = 3.5

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from circlepose._typing import BoolArray, FloatArray, IntArray
-from circlepose.geometry.conic import Ellipse, rim_distance
+from circlepose.geometry.ellipse import Ellipse, rim_distance
 from circlepose.photometry.gaussian import normal_share
 
 _REACH_SIGMA = 3.5

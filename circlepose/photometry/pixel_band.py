@@ -10,7 +10,7 @@ import numpy as np
 
 from circlepose._typing import BoolArray, FloatArray, Image, IntArray, RealArray
 from circlepose.camera.camera import Camera
-from circlepose.geometry.conic import Ellipse, unit_circle
+from circlepose.geometry.ellipse import Ellipse, unit_circle
 
 _APART_PX = 2.4
 _BEYOND_PX = 1.0 + _APART_PX * np.arange(8).reshape(2, 4)

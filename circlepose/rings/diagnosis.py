@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from circlepose.camera.camera import Camera
-from circlepose.fitting.cone_fit import SeenPoints
+from circlepose.fitting.observations import Observations
 from circlepose.geometry.cone import cone_from_factor
 from circlepose.measurement.edge_fit import Rim
 from circlepose.rings.matching import allowed_px, free_height, largest_circle, may_belong
@@ -47,8 +47,8 @@ def _of_coaxial(pairs: list[tuple[Rim, Rim]], camera: Camera, target: Target) ->
     big, small = target.radii_mm
     lengths = []
     for first, second in pairs:
-        seen = SeenPoints.of(camera, second.points)
-        solutions = largest_circle(first, SeenPoints.of(camera, first.points), target)
+        seen = Observations.of(camera, second.points)
+        solutions = largest_circle(first, Observations.of(camera, first.points), target)
         if solutions is None:
             continue
         for center, normal in zip(solutions.centers, solutions.normals, strict=True):

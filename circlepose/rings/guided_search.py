@@ -14,8 +14,9 @@ import numpy as np
 
 from circlepose._typing import BoolArray, FloatArray, Image
 from circlepose.camera.camera import Camera
-from circlepose.fitting.cone_fit import ConeFit, SeenPoints, rim_distance_px
+from circlepose.fitting.cone_fit import ConeFit
 from circlepose.fitting.cone_projection import rim_pixels
+from circlepose.fitting.observations import Observations, rim_distance_px
 from circlepose.geometry.cone import factor_from_circle
 from circlepose.imaging.subpixel_edges import contour_normals, locate_edges
 from circlepose.measurement.edge_fit import Rim, rim_from_fit
@@ -89,7 +90,7 @@ def _same(first: Rim, second: Rim) -> bool:
 
 def _predictions(rim: Rim, camera: Camera, target: Target) -> Iterator[list[_Prediction]]:
     """Yield, for each circle that `rim` may be and each other one of the target, where that may be."""
-    seen = SeenPoints.of(camera, rim.points)
+    seen = Observations.of(camera, rim.points)
     for own in range(len(target.radii_mm)):
         solutions = as_circle(rim, seen, target, own)
         if solutions is None:
@@ -118,7 +119,7 @@ def _found(levels: Image, camera: Camera, prediction: _Prediction, others: Seque
     predicted = rim_pixels(camera, factor, places)[None]
     reach = max(_REACH_PX, _REACH_SHARE * perimeter / (2.0 * np.pi))
     edges = locate_edges(levels, predicted, contour_normals(predicted), np.array([reach]))
-    seen = SeenPoints.of(camera, edges.points[0])
+    seen = Observations.of(camera, edges.points[0])
     # However far the rim is from its prediction, along it that changes little from place to place.
     steady = np.abs(np.diff(edges.offset_px[0], append=edges.offset_px[0, :1])) <= _NEAR_PX
     usable = _in_stretches(edges.valid[0] & np.all(np.isfinite(seen.rays), axis=-1) & steady)
@@ -143,7 +144,7 @@ def _found(levels: Image, camera: Camera, prediction: _Prediction, others: Seque
 
 
 def _centred(
-    predicted: FloatArray, radius: float, seen: SeenPoints, usable: BoolArray, reach_px: float
+    predicted: FloatArray, radius: float, seen: Observations, usable: BoolArray, reach_px: float
 ) -> tuple[FloatArray, BoolArray]:
     """Return the centre (3,) that brings the predicted rim to the edges, and which edges then agree with it (n,).
 

@@ -19,6 +19,7 @@ import numpy as np
 
 from circlepose._numerics import STUDENT_FREEDOM, logistic, student_log_likelihood
 from circlepose._typing import FloatArray
+from circlepose.fitting.observations import rim_growth
 from circlepose.geometry.cone import plane_basis
 from circlepose.geometry.cone_perturbation import MODES, mode_shapes, pose_amounts, pose_derivatives
 
@@ -125,16 +126,12 @@ def from_edges(
     `rays` (n, 3) of the edges and `jacobians` (n, 3, 2) = d ray / d pixel. Their errors are `scatter_px` from place
     to place, and `common_px` of all together.
     """
-    inverse = np.linalg.inv(factor)
-    local = rays @ inverse.T
-    across = np.hypot(local[:, 0], local[:, 1])
-    ratio = across / local[:, 2]
-    by_ray = np.stack([local[:, 0] / across, local[:, 1] / across, -ratio], axis=-1) / local[:, 2:] @ inverse
-    per_px = np.linalg.norm(np.einsum("ni,nij->nj", by_ray, jacobians), axis=-1)
+    growth, per_px = rim_growth(factor, rays, jacobians)
+    local = rays @ np.linalg.inv(factor).T
     slopes = mode_shapes(np.arctan2(local[:, 1], local[:, 0])) / per_px[:, None]
-    distance = (ratio - 1.0) / per_px
+    distance = growth / per_px
     variance = scatter_px**2 * max(len(rays) / INDEPENDENT_EDGES, 1.0) + common_px**2 * len(rays)
-    amounts: FloatArray = np.linalg.lstsq(slopes, distance, rcond=1e-6)[0]
+    amounts = np.asarray(np.linalg.lstsq(slopes, distance, rcond=1e-6)[0], dtype=np.float64)
     return RimEvidence(factor, radius, amounts, slopes.T @ slopes / variance)
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from circlepose._typing import FloatArray
 from circlepose.camera.camera import Camera
 from circlepose.detection.contour import WANTED_SIGN
-from circlepose.fitting.cone_fit import SeenPoints
+from circlepose.fitting.observations import Observations
 from circlepose.measurement.edge_fit import Rim
 from circlepose.measurement.poses import settled_factor
 from circlepose.rings.reprojection import misfits_px
@@ -57,7 +57,7 @@ class Family:
 
 def find_families(rims: Sequence[Rim], camera: Camera, target: Target) -> list[Family]:
     """Return up to `target.count` families among `rims`, no rim in two of them, best agreement first."""
-    seen = [SeenPoints.of(camera, rim.points) for rim in rims]
+    seen = [Observations.of(camera, rim.points) for rim in rims]
     families = []
     for first, rim in enumerate(rims):
         solutions = largest_circle(rim, seen[first], target)
@@ -82,14 +82,14 @@ def find_families(rims: Sequence[Rim], camera: Camera, target: Target) -> list[F
     return kept
 
 
-def largest_circle(rim: Rim, seen: SeenPoints, target: Target) -> Solutions | None:
+def largest_circle(rim: Rim, seen: Observations, target: Target) -> Solutions | None:
     """Return the poses of `rim` as the target's largest circle; None where what is known of it rules that out."""
     if WANTED_SIGN[target.polarity] * rim.polarity < 0:
         return None
     return as_circle(rim, seen, target, 0)
 
 
-def as_circle(rim: Rim, seen: SeenPoints, target: Target, which: int) -> Solutions | None:
+def as_circle(rim: Rim, seen: Observations, target: Target, which: int) -> Solutions | None:
     """Return the poses of `rim` as the target's circle number `which`.
 
     None where it has none in the depth range, or its axes would put the largest circle's outside their intervals.
@@ -122,7 +122,7 @@ def other_heights(which: int, target: Target) -> FloatArray | None:
 
 
 def least_misfit(
-    center: FloatArray, normal: FloatArray, which: int, seen: SeenPoints, target: Target
+    center: FloatArray, normal: FloatArray, which: int, seen: Observations, target: Target
 ) -> tuple[float, float]:
     """Return how near, px, edges `seen` are to circle number `which` of a target at a pose, and at which height."""
     radius = target.radii_mm[which]
@@ -135,7 +135,7 @@ def least_misfit(
 
 
 def free_height(
-    center: FloatArray, normal: FloatArray, radius: float, seen: SeenPoints, highest: float
+    center: FloatArray, normal: FloatArray, radius: float, seen: Observations, highest: float
 ) -> tuple[float, float]:
     """Return the least misfit, px, of a circle anywhere on the axis up to `highest`, and its height there."""
     step = 2.0 * highest / (_HEIGHTS - 1)
@@ -171,7 +171,7 @@ def may_belong(first: Rim, second: Rim, target: Target) -> bool:
 
 
 def _best_other(
-    first: int, solutions: Solutions, which: int, rims: Sequence[Rim], seen: Sequence[SeenPoints], target: Target
+    first: int, solutions: Solutions, which: int, rims: Sequence[Rim], seen: Sequence[Observations], target: Target
 ) -> tuple[int, FloatArray] | None:
     """Return the number of the rim that is circle number `which`, were `first` the largest, and its misfits (c,)."""
     best: tuple[int, FloatArray] | None = None

@@ -10,10 +10,10 @@ import numpy as np
 
 from circlepose._typing import FloatArray
 from circlepose.camera.camera import Camera
-from circlepose.fitting.cone_fit import SeenPoints
+from circlepose.fitting.observations import Observations
 from circlepose.geometry.cone import ConeKind, principal_frame
 from circlepose.geometry.cone_perturbation import MODES
-from circlepose.geometry.conic import signed_distance
+from circlepose.geometry.ellipse import signed_distance
 from circlepose.measurement.edge_fit import Rim
 from circlepose.rings.flatness import free_heights, is_stepped, log_flatness
 from circlepose.rings.joint_pose import (
@@ -96,7 +96,7 @@ def target_poses(
     """
     if any(_is_flat(rim.cone.factor) for rim in rims):
         return None
-    seen = [_within_model(SeenPoints.of(camera, rim.points)) for rim in rims]
+    seen = [_within_model(Observations.of(camera, rim.points)) for rim in rims]
     beside = target.kind == "coaxial" and _gap_px(rims[0], rims[1]) < _BESIDE_PX
     evidence = tuple(
         _evidence(rim, radius, points, beside=beside)
@@ -180,7 +180,7 @@ def _ranked(found: list[_Hypothesis], rims: tuple[RimEvidence, ...], placed: boo
     )
 
 
-def _evidence(rim: Rim, radius: float, seen: SeenPoints, *, beside: bool) -> RimEvidence:
+def _evidence(rim: Rim, radius: float, seen: Observations, *, beside: bool) -> RimEvidence:
     """Return what a rim tells: its levels, unless its edges contradict them, or else the edges.
 
     `beside`: one circle hides part of another, or nearly does, so that the surroundings change along the rim.
@@ -201,7 +201,7 @@ def _evidence(rim: Rim, radius: float, seen: SeenPoints, *, beside: bool) -> Rim
     return edges if is_contradicted else from_levels(rim.cone.factor, radius, rim.modes_covariance + uneven)
 
 
-def _within_model(seen: SeenPoints) -> SeenPoints:
+def _within_model(seen: Observations) -> Observations:
     return seen[np.all(np.isfinite(seen.rays), axis=-1)]
 
 

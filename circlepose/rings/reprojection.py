@@ -12,6 +12,7 @@ import math
 import numpy as np
 
 from circlepose._typing import FloatArray
+from circlepose.fitting.observations import rim_distance_px
 from circlepose.geometry.cone import factor_from_circle
 
 INDEPENDENT_EDGES = 6.0
@@ -27,18 +28,13 @@ def misfits_px(
     """Return the rms distances (h,), px, of measured edges to the rim of a circle placed at each of `centers` (h, 3).
 
     With unit `normal` (3,), `rays` (n, 3) of the edges and `jacobians` (n, 3, 2) = d ray / d pixel; the distance is
-    that of `fitting.viewing_cone.rim_distance_px`. Infinite where the circle cannot be seen at all.
+    that of `fitting.observations.rim_distance_px`. Infinite where the circle cannot be seen at all.
     """
     factors = factor_from_circle(centers, normal, radius)
     flat = np.abs(np.linalg.det(factors)) < _FLAT * radius**2 * np.linalg.norm(centers, axis=-1)
-    inverses = np.linalg.inv(np.where(flat[:, None, None], np.eye(3), factors))
-    local = rays @ np.swapaxes(inverses, -1, -2)
+    proper = np.where(flat[:, None, None], np.eye(3), factors)
     with np.errstate(divide="ignore", invalid="ignore"):
-        across = np.hypot(local[..., 0], local[..., 1])
-        ratio = across / local[..., 2]
-        by_local = np.stack([local[..., 0] / across, local[..., 1] / across, -ratio], axis=-1) / local[..., 2:]
-        gradient = np.einsum("hni,nij->hnj", by_local @ inverses, jacobians)
-        squared = np.mean(((ratio - 1.0) / np.linalg.norm(gradient, axis=-1)) ** 2, axis=-1)
+        squared = np.mean(rim_distance_px(proper, rays, jacobians) ** 2, axis=-1)
     return np.where(flat | ~np.isfinite(squared), np.inf, np.sqrt(squared))
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from circlepose._typing import FloatArray
 from circlepose.camera.camera import Camera
 from circlepose.detection.contour import WANTED_SIGN, Rejection
-from circlepose.fitting.cone_fit import SeenPoints
+from circlepose.fitting.observations import Observations
 from circlepose.geometry.cone import ConeKind
 from circlepose.measurement.edge_fit import Rim
 from circlepose.measurement.poses import circle_results, compared
@@ -70,7 +70,7 @@ def _lone_circle(rims: Sequence[Rim], camera: Camera, target: Target, methods: t
     """Return the results of the most evident rim that can be a circle of `target`, as the largest that it can be."""
     own = _own_methods(methods)
     for rim in rims:
-        seen = SeenPoints.of(camera, rim.points)
+        seen = Observations.of(camera, rim.points)
         for which, (radius, name) in enumerate(zip(target.radii_mm, target.circle_names, strict=True)):
             # The polarity is the largest circle's; of the others it is not known.
             if which == 0 and WANTED_SIGN[target.polarity] * rim.polarity < 0:

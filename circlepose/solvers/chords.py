@@ -24,7 +24,7 @@ from circlepose._typing import BoolArray, FloatArray, IntArray
 from circlepose.fitting.direct import fit_ellipse
 from circlepose.fitting.ransac import local_scatter, on_one_ellipse
 from circlepose.geometry.cone import PrincipalFrame, plane_basis
-from circlepose.geometry.conic import Ellipse, signed_distance
+from circlepose.geometry.ellipse import Ellipse, signed_distance
 from circlepose.solvers.chord_refinement import refined_frame
 
 _WINDOW_SHARE = 0.1

@@ -17,7 +17,7 @@ import numpy as np
 
 from circlepose._typing import FloatArray
 from circlepose.geometry.cone import plane_basis, principal_frame
-from circlepose.geometry.conic import Ellipse
+from circlepose.geometry.ellipse import Ellipse
 
 
 def poses_from_factor(factor: FloatArray, radius: float) -> tuple[FloatArray, FloatArray] | None:

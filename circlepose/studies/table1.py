@@ -17,9 +17,9 @@ import numpy as np
 
 from circlepose._typing import FloatArray, Image
 from circlepose.camera.camera import Camera
-from circlepose.fitting.cone_fit import factor_from_ellipse
+from circlepose.fitting.cone_projection import factor_from_ellipse
 from circlepose.fitting.direct import fit_ellipse
-from circlepose.geometry.conic import Ellipse, signed_distance
+from circlepose.geometry.ellipse import Ellipse, signed_distance
 from circlepose.pipeline import estimate
 from circlepose.solvers import CIRCLE_METHODS, kabuka_arenas, kanatani_liu
 from circlepose.solvers.chen_huang import poses_from_frame

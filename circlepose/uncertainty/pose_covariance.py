@@ -14,10 +14,10 @@ import numpy as np
 from circlepose._numerics import cross
 from circlepose._typing import BoolArray, FloatArray
 from circlepose.camera.camera import Camera
-from circlepose.fitting.cone_fit import factor_from_ellipse
+from circlepose.fitting.cone_projection import factor_from_ellipse
 from circlepose.geometry.cone import plane_basis, principal_frame
 from circlepose.geometry.cone_perturbation import pose_derivatives
-from circlepose.geometry.conic import Ellipse
+from circlepose.geometry.ellipse import Ellipse
 from circlepose.solvers.chen_huang import poses_from_frame
 
 _FLATTEST = 1e-12

@@ -8,7 +8,7 @@ import pytest
 
 from circlepose.detection import detect, hypotheses
 from circlepose.detection.detect import find_contours
-from circlepose.detection.edges import arc_grouping
+from circlepose.detection.options import DEFAULT
 from circlepose.targets.target import AxisIntervals
 from tests.support.drawn import drawn_by_opencv_5
 
@@ -89,12 +89,12 @@ def test_the_number_of_hypotheses_has_a_limit(monkeypatch):
     """However many arcs there are, the longest are joined."""
     seen: list[int] = []
 
-    def counted(arcs, longest_px):
+    def counted(arcs, *args):
         seen.append(len(arcs))
-        return original(arcs, longest_px)
+        return original(arcs, *args)
 
     original = hypotheses.joined_arcs
     monkeypatch.setattr(hypotheses, "joined_arcs", counted)
     find_contours(IMAGES["leaves"], AxisIntervals(major_px=(20.0, 400.0)))
     assert max(seen) > 20
-    assert max(seen) <= arc_grouping.MOST_ARCS
+    assert max(seen) <= DEFAULT.edges.most_arcs

@@ -10,7 +10,7 @@ from circlepose.detection.contour import Rejection
 from circlepose.detection.detect import find_contours
 from circlepose.detection.occluded import in_runs
 from circlepose.errors import ArgumentError
-from circlepose.geometry.conic import Ellipse, signed_distance
+from circlepose.geometry.ellipse import Ellipse, signed_distance
 from circlepose.imaging.gray import eight_bit, to_grey
 from circlepose.imaging.subpixel_edges import contour_normals, ellipse_rim, locate_edges, sample
 from circlepose.targets.target import AxisIntervals, Target

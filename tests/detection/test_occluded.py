@@ -10,7 +10,7 @@ from benchmarks.support.scoring import TrueCircle, error
 from circlepose.camera.camera import Camera, circle_contour
 from circlepose.fitting.arc_precision import axis_errors, curvature_radius
 from circlepose.fitting.direct import fit_ellipse
-from circlepose.geometry.conic import Ellipse
+from circlepose.geometry.ellipse import Ellipse
 from circlepose.results import Flag
 from circlepose.synthesis.render import render
 from circlepose.synthesis.scene import Disc, Paint, Patch, Polygon, Scene

@@ -10,12 +10,12 @@ from circlepose._batching import joined
 from circlepose.detection.duplicates import inside_others, repeats
 from circlepose.detection.edges import canny
 from circlepose.detection.edges.arc_grouping import joined_arcs
-from circlepose.detection.edges.arcs import SHORTEST_CHAIN, arcs_of
+from circlepose.detection.edges.arcs import arcs_of
 from circlepose.detection.edges.chains import Chains
+from circlepose.detection.edges.options import EdgeOptions
 from circlepose.detection.offset_fit import fit_offsets
-from circlepose.fitting.direct import fit_ellipse
-from circlepose.fitting.direct_batch import fit_each, fit_scatter, scatter_of
-from circlepose.geometry.conic import Ellipse, rim_distance
+from circlepose.fitting.direct import fit_each, fit_ellipse, fit_scatter, scatter_of
+from circlepose.geometry.ellipse import Ellipse, rim_distance
 from circlepose.imaging.pyramid import pyramid, to_full_size, to_reduced
 from circlepose.imaging.subpixel_edges import edges_along
 from tests.support.drawn import drawn_by_opencv_5
@@ -119,7 +119,7 @@ def test_a_chain_is_cut_at_its_corners():
     on_rim = np.abs(rim_distance(ellipse, arcs.samples.reshape(-1, 2))).reshape(len(arcs), -1).max(axis=1) < 2.0
     assert on_rim.sum() == 1
     assert arcs.lengths[on_rim][0] > 0.85 * np.pi * 80.0
-    assert len(arcs_of(chains_of(np.zeros((SHORTEST_CHAIN - 1, 2))))) == 0
+    assert len(arcs_of(chains_of(np.zeros((EdgeOptions().shortest_chain - 1, 2))))) == 0
 
 
 def test_arcs_of_one_rim_are_joined():

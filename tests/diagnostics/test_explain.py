@@ -17,7 +17,7 @@ from circlepose.drawing.explanation import MOST_CIRCLES, draw_explanation
 from circlepose.drawing.overlay import draw_overlay
 from circlepose.drawing.plots import diverging, means
 from circlepose.geometry.cone import factor_from_circle
-from circlepose.geometry.conic import Ellipse
+from circlepose.geometry.ellipse import Ellipse
 from circlepose.results import Flag, Status
 from circlepose.studies.scenes import coaxial_part_scene
 from circlepose.synthesis.render import render

@@ -9,7 +9,7 @@ from circlepose.camera.camera import Camera, circle_contour
 from circlepose.fitting.cone_fit import fit_cone
 from circlepose.fitting.direct import Contours, fit_ellipse, fit_ellipses
 from circlepose.geometry.cone import principal_frame
-from circlepose.geometry.conic import Ellipse
+from circlepose.geometry.ellipse import Ellipse
 from circlepose.solvers.chen_huang import poses_from_frame
 from tests.support.cases import circle_case, nearest_candidate
 

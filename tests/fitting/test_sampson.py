@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from circlepose.errors import ArgumentError
 from circlepose.fitting.direct import fit_ellipse
 from circlepose.fitting.sampson import LATENT_CONICS, covariance_of_axes, fit_guaranteed, refine_ellipse, uncertainty
-from circlepose.geometry.conic import Ellipse, conic_from_ellipse, rim_distance, signed_distance
+from circlepose.geometry.conic import conic_from_ellipse
+from circlepose.geometry.ellipse import Ellipse, rim_distance, signed_distance
 
 
 def arc(truth: Ellipse, number: int, start: float = 0.0, share: float = 1.0):

@@ -10,10 +10,10 @@ import circlepose
 from benchmarks.support.scoring import TrueCircle, error
 from circlepose.camera.camera import Camera, circle_contour
 from circlepose.errors import ArgumentError
-from circlepose.fitting.cone_fit import factor_from_ellipse
+from circlepose.fitting.cone_projection import factor_from_ellipse
 from circlepose.fitting.ransac import local_scatter, on_one_ellipse
 from circlepose.geometry.cone import factor_from_circle, principal_frame
-from circlepose.geometry.conic import Ellipse, signed_distance
+from circlepose.geometry.ellipse import Ellipse, signed_distance
 from circlepose.photometry.thin.fit import fit_thin_ellipse
 from circlepose.results import Flag, Status
 from circlepose.solvers import METHODS

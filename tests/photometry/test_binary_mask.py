@@ -7,7 +7,7 @@ import pytest
 
 import circlepose
 from circlepose import Camera, Target
-from circlepose.geometry.conic import Ellipse
+from circlepose.geometry.ellipse import Ellipse
 from circlepose.photometry.binary_mask import as_fitted, is_mask
 
 SIZE = (320, 240)

@@ -13,7 +13,7 @@ from circlepose.fitting.cone_fit import ConeFit
 from circlepose.fitting.cone_projection import rim_pixels
 from circlepose.geometry.cone import factor_from_circle, plane_basis
 from circlepose.geometry.cone_perturbation import amounts_between, dual_circle, grown
-from circlepose.geometry.conic import Ellipse
+from circlepose.geometry.ellipse import Ellipse
 from circlepose.measurement.edge_fit import rim_from_fit
 from circlepose.measurement.intensity_fit import refined
 from circlepose.photometry.edge_spread import curved, places, straight

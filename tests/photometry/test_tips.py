@@ -13,9 +13,9 @@ from scipy.special import ndtr
 import circlepose
 from benchmarks.edge_on import Slivers, better
 from circlepose.camera.camera import Camera
-from circlepose.fitting.cone_fit import factor_from_ellipse
+from circlepose.fitting.cone_projection import factor_from_ellipse
 from circlepose.geometry.cone_perturbation import grown
-from circlepose.geometry.conic import Ellipse
+from circlepose.geometry.ellipse import Ellipse
 from circlepose.photometry.edge_spread import curved, places
 from circlepose.photometry.pixel_band import Bands, bands_around
 from circlepose.synthesis.render import render

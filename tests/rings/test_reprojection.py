@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from circlepose.camera.camera import Camera, circle_contour
-from circlepose.fitting.cone_fit import rim_distance_px
+from circlepose.fitting.observations import rim_distance_px
 from circlepose.geometry.cone import factor_from_circle
 from circlepose.rings.reprojection import ambiguity, misfits_px
 from tests.support.cases import circle_case, circle_cases

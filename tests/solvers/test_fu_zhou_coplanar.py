@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 from circlepose.camera.camera import circle_points
 from circlepose.fitting.sampson import fit_guaranteed
 from circlepose.geometry.cone import cone_from_circle, factor_from_circle, plane_basis, principal_frame
-from circlepose.geometry.conic import Ellipse, conic_from_ellipse
+from circlepose.geometry.conic import conic_from_ellipse
+from circlepose.geometry.ellipse import Ellipse
 from circlepose.solvers.chen_huang import poses_from_frame
 from circlepose.solvers.fu_zhou_coplanar import (
     concentricity,

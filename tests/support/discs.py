@@ -10,7 +10,7 @@ import numpy as np
 from circlepose._typing import Image
 from circlepose.camera.camera import Camera, circle_contour
 from circlepose.geometry.cone import ConeKind, factor_from_circle, principal_frame
-from circlepose.geometry.conic import Ellipse
+from circlepose.geometry.ellipse import Ellipse
 from circlepose.geometry.measured_cone import Cone
 from circlepose.results import Candidate, CircleResult, Flag, ImageResult
 from circlepose.solvers.chen_huang import poses_from_frame

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from circlepose._batching import in_parts
 from circlepose._typing import BoolArray, FloatArray, IntArray
-from circlepose.geometry.conic import Ellipse
+from circlepose.geometry.ellipse import Ellipse
 
 _CORNERS = 64
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from circlepose._typing import BoolArray, FloatArray, Image
-from circlepose.geometry.conic import Ellipse
+from circlepose.geometry.ellipse import Ellipse
 from circlepose.photometry.thin.model import (
     START_SIGMA_PX,
     Problem,
