@@ -110,8 +110,8 @@ class Journal:
         begun_with = _values(first[1])
         if begun_with is None:
             raise UsageError(
-                f"{self.path}: its first line does not say how the run was begun; leave out --resume to measure all "
-                "images again."
+                f"{self.path}: its first line does not hold the options of the run; leave out --resume to measure "
+                "all images again."
             )
         _refuse_other_conditions(self.path, begun_with, conditions)
         end = first[2]
@@ -187,8 +187,8 @@ def _refuse_other_conditions(path: Path, before: Mapping[str, object], now: Mapp
     ]
     if changed:
         raise UsageError(
-            f"{path}: the run was begun otherwise: {'; '.join(changed)}. Go on as it was begun, or leave out "
-            "--resume to measure all images again."
+            f"{path}: the run has other options: {'; '.join(changed)}. Give the options of that run, or leave "
+            "out --resume to measure all images again."
         )
 
 

@@ -56,9 +56,8 @@ def measure_on_cluster(
 ) -> Generator[ImageResult, None, None]:
     """Measure `items` by the workers of the cluster whose scheduler is at `address`, such as `tcp://host:8786`.
 
-    As `measure_files`, but that the workers read the images: paths have to lead to the same files there. `on_note` gets
-    a sentence on each worker that is missing or refused, and on a scheduler that has gone. It
-    connects at once.
+    As `measure_files`, but that the workers read the images: paths have to lead to the same files there. `on_note`
+    gets a sentence on each worker that is missing or refused, and on a scheduler that has gone. It connects at once.
 
     Raises
     ------
