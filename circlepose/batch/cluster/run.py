@@ -37,7 +37,7 @@ from circlepose.io.tables.lossless import restored_result
 from circlepose.results import ImageResult, Status
 
 CHUNK_MOST = 16
-"""Images handed out together: the scheduler needs about as long for one as for so many."""
+"""Images in one task: the scheduler needs about as long for this many as for one."""
 PER_THREAD = 3
 """Chunks handed out for each thread of a worker: one is measured, one waits there, one at the scheduler."""
 _CHUNKS_LEAST = 64

@@ -148,7 +148,7 @@ def cell(column: str, value: object) -> str:
 
 
 def fixed(value: float, decimals: int) -> str:
-    """Return a number with so many decimals; a zero without sign, nothing for what is no number."""
+    """Return a number with `decimals` decimals; a zero without sign, an empty text for NaN and infinity."""
     if not math.isfinite(value):
         return ""
     # Adding zero turns a negative zero into a plain one.

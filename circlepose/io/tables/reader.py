@@ -189,7 +189,7 @@ def _whole(row: TableRow, column: str) -> int:
 
 
 def _parsed(row: TableRow, column: str) -> float:
-    """Return a cell as a number, NaN if it is none."""
+    """Return a cell as a number, NaN if it is not one."""
     try:
         return float(row.text(column))
     except ValueError:

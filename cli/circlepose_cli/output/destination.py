@@ -36,7 +36,7 @@ def output_place(typed: str | os.PathLike[str] | None) -> Place | None:
 
 
 def open_journal(output: Place | None, options: MeasureOptions, *, resume: bool, overwrite: bool) -> Journal | None:
-    """Open the journal of `output`; None where that is no regular file, which cannot be gone on with.
+    """Open the journal of `output`; None where that is not a regular file, so that a run cannot be resumed.
 
     Raises `UsageError` for a run that cannot be resumed, and `OutputError` where `output` may not be replaced.
     """
