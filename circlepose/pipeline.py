@@ -57,6 +57,8 @@ def estimate(
         Its calibration. An image of another size than the calibration's gets the status `size_mismatch`
         unless `scale_calibration` says that it was resized, which has to show in its proportions. The same status
         has an image that no camera of these numbers can have taken; see `circlepose.camera.plausibility`.
+    scale_calibration
+        Scale the calibration to an image of another size, which must have the same proportions.
     force_calibration
         Measure with the calibration although it looks wrong: only a size that differs is refused then, unless
         `scale_calibration` scales each axis to it.

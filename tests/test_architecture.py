@@ -69,3 +69,12 @@ def test_every_file_that_the_page_names_is_there():
     assert len(named) > 40
     missing = sorted(name for name in named if not (ROOT / name).exists())
     assert not missing
+
+
+def test_every_module_that_the_estimators_page_names_is_there():
+    text = (ROOT / "docs" / "estimator.md").read_text(encoding="utf-8")
+    named = {name for name in re.findall(r"`((?:\w+/)+\w+)`", text) if (ROOT / "circlepose" / name).parent.exists()}
+    rooms = {name.split("/")[0] for name in re.findall(r"`((?:\w+/)+\w+)`", text)}
+    assert rooms <= {path.name for path in (ROOT / "circlepose").iterdir()} | {"docs", "tests"}
+    assert len(named) > 6
+    assert [name for name in named if not (ROOT / "circlepose" / f"{name}.py").exists()] == []

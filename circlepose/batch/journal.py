@@ -1,6 +1,6 @@
-"""The journal of a run: what is finished, a line an image, so that a run that was killed can be gone on with.
+"""The journal of a run: what is finished, a line an image, so that a run that was killed can be resumed.
 
-A line is `checksum key values`; the first says under which conditions the run was begun. Lines are only ever
+A line is `checksum key values`; the first holds the conditions (options and versions) of the run. Lines are only ever
 appended: whatever instant a run is killed at, at most the last line is torn, and reading drops it.
 """
 
@@ -37,14 +37,14 @@ class Journal:
     """
 
     def __init__(self, path: Path, conditions: Mapping[str, str], *, resume: bool, output: str) -> None:
-        """Open the journal at `path` of the output that messages call `output`; without `resume`, begin it anew.
+        """Open the journal at `path` of the output that messages call `output`; without `resume`, start it again.
 
-        Raises `UsageError` when it was begun under other `conditions`, or another run is writing it, and
+        Raises `UsageError` when it has other `conditions`, or another run is writing it, and
         `OutputError` when it cannot be written or the file there is no journal.
         """
         self.path = path
         self.discarded = False
-        """whether there was an unfinished run, which is not gone on with"""
+        """whether there was an unfinished run, which is not resumed"""
         self.reused = 0
         """how many results came from the journal; whoever takes them counts"""
         self._offsets: dict[bytes, int] = {}
@@ -120,8 +120,8 @@ class Journal:
         begun_with = _values(first[1])
         if begun_with is None:
             raise UsageError(
-                f"{self.path}: its first line does not say how the run was begun; leave out --resume to measure all "
-                "images again."
+                f"{self.path}: its first line does not hold the options of the run; leave out --resume to measure "
+                "all images again."
             )
         _refuse_other_conditions(self.path, begun_with, conditions)
         end = first[2]
@@ -197,8 +197,8 @@ def _refuse_other_conditions(path: Path, before: Mapping[str, object], now: Mapp
     ]
     if changed:
         raise UsageError(
-            f"{path}: the run was begun otherwise: {'; '.join(changed)}. Go on as it was begun, or leave out "
-            "--resume to measure all images again."
+            f"{path}: the run has other options: {'; '.join(changed)}. Give the options of that run, or leave "
+            "out --resume to measure all images again."
         )
 
 

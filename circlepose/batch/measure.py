@@ -30,7 +30,7 @@ from circlepose.targets.target import Target
 IN_PROCESS_MOST = 8
 """Images that an automatic number of jobs measures without starting a worker, which takes about as long."""
 IN_FLIGHT_PER_JOB = 32
-"""Images handed out, or done but not due, per worker: so many that one slow image does not stop the others."""
+"""Images handed out, or done but not due, per worker: enough that one slow image does not stop the others."""
 DEFAULT_TIMEOUT_S = 120.0
 
 BugReport: TypeAlias = Callable[[str, Exception], None]

@@ -116,8 +116,8 @@ def _finished(entry: _Entry, item: WorkItem, journal: Journal, warn: Callable[[s
     for what in ("camera", "target"):
         if getattr(before, what) != getattr(entry, what):
             raise UsageError(
-                f"{journal.path}: {item.name} was measured with another {what}. Go on with the {what} that the run "
-                "was begun with, or leave out --resume to measure all images again."
+                f"{journal.path}: {item.name} was measured with another {what}. Give the {what} of that run, "
+                "or leave out --resume to measure all images again."
             )
     if not {circle.radius_mm for circle in result.circles} <= set(item.target.radii_mm):
         warn(f"{journal.path}: the entry of {item.name} has radii that are not the target's; it is measured again.")

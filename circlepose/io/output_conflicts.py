@@ -34,7 +34,7 @@ class Outputs:
         if output is not None:
             name = "standard input" if isinstance(place, int) else place
             output = "standard output" if isinstance(output, int) else output
-            raise UsageError(f"{output}: would be written over, but holds {what} ({name}); give another name.")
+            raise UsageError(f"{output}: would be overwritten, but it holds {what} ({name}); give another name.")
 
 
 def _identity(place: os.PathLike[str] | int) -> tuple[int, int] | None:

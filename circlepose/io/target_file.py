@@ -70,9 +70,21 @@ class _TargetForm(Strict):
 
 
 def read_target(source: Source) -> Target:
-    """Read a target description from a YAML file (a path, bytes or an open handle).
+    """Read a target description from a YAML file.
 
-    Raises `TargetError` that names the file, the key and what is expected.
+    Parameters
+    ----------
+    source
+        A path, the bytes of a file, or an open handle.
+
+    Returns
+    -------
+    The target; lengths in mm.
+
+    Raises
+    ------
+    TargetError
+        One sentence: the file, the key and what is expected.
     """
     text, name = read_source(source, TargetError)
     return target_from_mapping(parse_yaml(text, name, TargetError), name)

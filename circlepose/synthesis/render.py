@@ -37,7 +37,17 @@ class TruthRow:
 
 
 def truth_rows(scene: Scene) -> tuple[TruthRow, ...]:
-    """Return the true poses of all circles of `scene`, in the order of its targets."""
+    """Return the true poses of all circles of a scene.
+
+    Parameters
+    ----------
+    scene
+        Whose targets are meant.
+
+    Returns
+    -------
+    A row for each circle, in the order of the targets; lengths in mm, camera frame.
+    """
     return tuple(
         TruthRow(scene.name, instance, circle)
         for instance, target in enumerate(scene.targets)
@@ -46,7 +56,19 @@ def truth_rows(scene: Scene) -> tuple[TruthRow, ...]:
 
 
 def render(scene: Scene, oversampling: int = OVERSAMPLING) -> Image:
-    """Return the image (h, w) of `scene`, uint8 or uint16, with noise and rounding."""
+    """Render a scene as a photograph, with noise and rounding.
+
+    Parameters
+    ----------
+    scene
+        What to render.
+    oversampling
+        Cells per pixel and axis, where a rim crosses the pixel.
+
+    Returns
+    -------
+    The image (h, w), uint8 or uint16 by the scene's bit depth.
+    """
     image = render_float(scene, oversampling)
     if scene.noise_levels > 0.0:
         add_noise(image, scene.noise_levels, scene.noise_seed)
@@ -57,7 +79,7 @@ def render(scene: Scene, oversampling: int = OVERSAMPLING) -> Image:
 
 
 def render_float(scene: Scene, oversampling: int = OVERSAMPLING) -> FloatArray:
-    """Return the image (h, w) in grey levels (0 to 255, not clipped) without noise or rounding.
+    """Render a scene without noise and rounding.
 
     It is a smooth function of the poses: a difference quotient with steps of 1e-3 mm is a derivative.
 
@@ -67,6 +89,10 @@ def render_float(scene: Scene, oversampling: int = OVERSAMPLING) -> FloatArray:
         What to render.
     oversampling
         Cells per pixel and axis, where a rim crosses the pixel.
+
+    Returns
+    -------
+    The image (h, w) in gray levels, 0 to 255, not clipped.
     """
     weights = blur_weights(scene.blur_px, oversampling)
     reach = len(weights) // 2

@@ -35,7 +35,7 @@ ENVIRONMENT = 2
 
 app = typer.Typer(
     name="circlepose",
-    help="Centre (mm) and unit normal of every circle of known radius, from calibrated photographs.",
+    help="Center (mm) and unit normal of every circle of known radius, from calibrated photographs.",
     # Rich help makes the start as slow as importing OpenCV.
     rich_markup_mode=None,
     pretty_exceptions_enable=False,

@@ -70,7 +70,7 @@ def test_without_resume_it_begins_anew(path):
 
 def test_other_conditions_are_refused_and_named(path):
     before = path.read_bytes()
-    with pytest.raises(UsageError, match=r"method was a and is b; refine was not there and is True\. Go on"):
+    with pytest.raises(UsageError, match=r"method was a and is b; refine was not there and is True\. Give the"):
         opened(path, {"circlepose": "1", "method": "b", "refine": "True"})
     assert path.read_bytes() == before
     opened(path, {"method": "b"}, resume=False).__exit__()

@@ -102,7 +102,7 @@ def test_images_may_come_and_go(run):
 def test_another_camera_or_target_is_refused(run, what, change):
     run.go(until=3)
     run.items[2] = replace(run.items[2], **change)
-    with pytest.raises(UsageError, match=rf"2\.png was measured with another {what}\. Go on with"):
+    with pytest.raises(UsageError, match=rf"2\.png was measured with another {what}\. Give the"):
         run.go()
     # The same camera, read again, is no other one.
     run.items[2] = replace(run.items[2], camera=replace(CAMERA), target=Target.circle(RADIUS_MM))

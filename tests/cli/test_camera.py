@@ -83,7 +83,7 @@ def test_the_command(capsys, tmp_path):
     file.write_text(CAMERA_YAML)
     assert main(["camera", str(file)]) == 0
     out = capsys.readouterr().out
-    for words in ("320 x 240 px", "fx 400.00 px", "(159.50, 119.50) px", "horizontal 43.60 deg", "pixel's centre"):
+    for words in ("320 x 240 px", "fx 400.00 px", "(159.50, 119.50) px", "horizontal 43.60 deg", "pixel's center"):
         assert words in out
     assert main(["camera", str(file), "--format", "json"]) == 0
     assert json.loads(capsys.readouterr().out)["focal_lengths_px"] == [400.0, 400.0]

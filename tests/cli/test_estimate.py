@@ -148,10 +148,10 @@ def test_the_calibration_named_comes_before_the_one_beside(run, folder, tmp_path
         (["--normal", "0,0,-1", "--normal-spread-deg", "0"], "normal_hint.spread_deg: expected a positive angle"),
         (
             ["--normal-spread-deg", "9"],
-            "--normal-spread-deg: there is no direction that it is of; give --normal X,Y,Z",
+            "--normal-spread-deg: needs --normal X,Y,Z",
         ),
         (["--up", "a,b,c"], "--up: expected a direction X,Y,Z"),
-        (["--up-spread-deg", "9"], "--up-spread-deg: there is no direction"),
+        (["--up-spread-deg", "9"], "--up-spread-deg: needs --up X,Y,Z"),
         (["--facing", "sideways"], "--facing: expected left, right, up, down or a direction X,Y,Z"),
         (["--facing", "0,0,0"], "--facing: expected a direction X,Y,Z"),
         (
@@ -355,7 +355,7 @@ def test_an_unfinished_run_that_is_begun_anew_is_mentioned(run, folder, tmp_path
     ok = lambda item: ImageResult(item.name, Status.NO_CIRCLE, "none")  # noqa: E731
     code, _, err = run("estimate", folder, "-o", file)
     assert code == 3
-    assert err.endswith("the same command with --resume does only what is left\n")
+    assert err.endswith("the same command with --resume measures only what is left\n")
     monkeypatch.undo()
     code, _, err = run("estimate", folder, "-o", file)
     assert (code, "out.csv.journal: was left by an unfinished run" in err) == (0, True)
@@ -365,7 +365,7 @@ def test_an_unfinished_run_that_is_begun_anew_is_mentioned(run, folder, tmp_path
     ("args", "message"),
     [
         (["--resume"], "--resume: needs -o FILE"),
-        (["--resume", "-o", "/dev/null"], "/dev/null is no regular file"),
+        (["--resume", "-o", "/dev/null"], "/dev/null is not a regular file"),
         (["--timeout", "0"], "--timeout: expected a positive time in seconds, got 0."),
         (["--timeout", "nan"], "--timeout: expected a positive time"),
     ],

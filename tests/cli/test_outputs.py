@@ -80,7 +80,7 @@ def test_a_file_of_the_user_is_never_replaced(run, folder, tmp_path, monkeypatch
     before = contents(tmp_path)
     code, out, err = run(*command)
     assert (code, out) == (2, "")
-    assert FOREIGN in err or "would be written over, but holds" in err
+    assert FOREIGN in err or "would be overwritten, but it holds" in err
     assert err.count("circlepose: ") == 1
     assert contents(tmp_path) == before
 
@@ -102,7 +102,7 @@ def test_what_is_read_is_not_written_even_with_overwrite(run, folder, tmp_path, 
     before = contents(tmp_path)
     code, out, err = run("estimate", "imgs", "-o", output, "--format", "csv", "--overwrite")
     assert (code, out) == (2, "")
-    assert f"{output}: would be written over, but holds {what} (" in err
+    assert f"{output}: would be overwritten, but it holds {what} (" in err
     assert contents(tmp_path) == before
 
 
@@ -325,7 +325,7 @@ def test_an_interrupted_run_leaves_the_complete_table_in_its_place(run, folder, 
     assert code == 0
     assert "1 finished before\n" in err
     code, _, err = run("estimate", folder, "-o", out, "--resume")
-    assert "there is nothing to go on with; all images are measured\n" in err
+    assert "there is nothing to resume; all images are measured\n" in err
     assert out.read_bytes() == before
 
 
@@ -408,7 +408,7 @@ def test_rows_do_not_follow_the_list_that_they_are_of(folder, tmp_path):
     names.write_text(f"{folder / 'disc0.png'}\n")
     done = shell('$circlepose estimate - < "$1" >> "$1"', names)
     assert done.returncode == 2
-    assert "standard output: would be written over, but holds the list of images" in done.stderr
+    assert "standard output: would be overwritten, but it holds the list of images" in done.stderr
     assert names.read_text() == f"{folder / 'disc0.png'}\n"
 
 

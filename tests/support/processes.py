@@ -11,7 +11,7 @@ import pytest
 
 SETTLE = "either pose may be the right one; give --facing, --normal or --up, or a target of two circles"
 """what is said where lone circles are ambiguous"""
-GO_ON = "with -o FILE, a run that is interrupted can be gone on with (--resume)\n"
+GO_ON = "with -o FILE, an interrupted run can be continued with --resume\n"
 """what is said where a run to standard output is interrupted"""
 COMMAND = [sys.executable, "-m", "circlepose"]
 

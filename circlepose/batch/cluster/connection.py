@@ -122,7 +122,7 @@ class Connection:
 
     def reconnect(self) -> None:
         """Wait for the scheduler to come back; raises `UsageError` when it does not."""
-        self._on_note(f"{redacted(self._address)}: the scheduler has gone; waiting for it to come back")
+        self._on_note(f"{redacted(self._address)}: the scheduler does not answer; waiting for it")
         self._drop_client()
         self._refused, self._accepted, self.threads = {}, set(), {}
         end = time.monotonic() + _PATIENCE_S

@@ -37,7 +37,7 @@ from circlepose.io.tables.lossless import restored_result
 from circlepose.results import ImageResult, Status
 
 CHUNK_MOST = 16
-"""Images handed out together: the scheduler needs about as long for one as for so many."""
+"""Images in one task: the scheduler needs about as long for this many as for one."""
 PER_THREAD = 3
 """Chunks handed out for each thread of a worker: one is measured, one waits there, one at the scheduler."""
 _CHUNKS_LEAST = 64
@@ -56,9 +56,8 @@ def measure_on_cluster(
 ) -> Generator[ImageResult, None, None]:
     """Measure `items` by the workers of the cluster whose scheduler is at `address`, such as `tcp://host:8786`.
 
-    As `measure_files`, but that the workers read the images: paths have to lead to the same files there. `on_note` gets
-    a sentence on each worker that is missing or refused, and on a scheduler that has gone. It
-    connects at once.
+    As `measure_files`, but that the workers read the images: paths have to lead to the same files there. `on_note`
+    gets a sentence on each worker that is missing or refused, and on a scheduler that has gone. It connects at once.
 
     Raises
     ------

@@ -58,7 +58,7 @@ def _parse_json(text: str, name: str) -> dict[str, object]:
     try:
         document = json.loads(_JSON_QUIRK.sub(_plain_json, text), object_pairs_hook=_json_object)
     except RecursionError:
-        raise CalibrationError(f"{name}: is nested too deeply to be meant.") from None
+        raise CalibrationError(f"{name}: is nested too deeply.") from None
     except json.JSONDecodeError:
         # One line of YAML may begin with a brace, too; what is neither is reported as YAML, with its line.
         return parse_yaml(text, name, CalibrationError)
@@ -99,7 +99,7 @@ def _parse_xml(text: str, name: str) -> dict[str, object]:
     except ElementTree.ParseError as reason:
         raise CalibrationError(f"{name}: is not valid XML ({reason}).") from None
     except RecursionError:
-        raise CalibrationError(f"{name}: is nested too deeply to be meant.") from None
+        raise CalibrationError(f"{name}: is nested too deeply.") from None
     except ValueError as reason:
         raise CalibrationError(f"{name}: {reason}.") from None
     if not isinstance(value, dict):

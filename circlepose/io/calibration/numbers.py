@@ -20,7 +20,7 @@ def number(value: object, where: str, key: str) -> float:
     try:
         return float(value)
     except OverflowError:
-        raise CalibrationError(f"{where}: {key}: holds a number too large to be meant.") from None
+        raise CalibrationError(f"{where}: {key}: holds a number that is too large.") from None
 
 
 def number_list(value: object, where: str, key: str, length: int | None = None) -> list[float]:

@@ -1,6 +1,6 @@
 """Calibration files -> `Camera`, whatever tool wrote them; the form is recognized by the content, not by the name.
 
-All these forms share OpenCV's convention: an integer pixel coordinate is a pixel's centre.
+All these forms share OpenCV's convention: an integer pixel coordinate is a pixel's center.
 """
 
 from __future__ import annotations
@@ -76,7 +76,22 @@ class CameraFile:
 
 
 def read_camera(source: Source) -> Camera:
-    """Read the camera of a calibration file; see `read_camera_file`."""
+    """Read the camera of a calibration file.
+
+    Parameters
+    ----------
+    source
+        A path, the bytes of a file, or an open handle; in a form that `read_camera_file` reads.
+
+    Returns
+    -------
+    The camera; of a file of several cameras the first.
+
+    Raises
+    ------
+    CalibrationError
+        One sentence: the file, the key, what is expected and what to do.
+    """
     return read_camera_file(source).camera
 
 
@@ -89,6 +104,10 @@ def read_camera_file(source: Source, camera_name: str | None = None) -> CameraFi
         OpenCV FileStorage (YAML 1.0 or 1.2, XML, JSON), ROS camera_info, Kalibr camchain or our own YAML.
     camera_name
         Which camera to take from a file of several (`cam1`, `M2`); by default the first.
+
+    Returns
+    -------
+    The camera, with the name of the form, the file's `target:`, remarks, and what looks wrong.
 
     Raises
     ------
@@ -107,7 +126,22 @@ def read_camera_file(source: Source, camera_name: str | None = None) -> CameraFi
 
 
 def write_camera(camera: Camera, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
-    """Write `camera` as OpenCV FileStorage YAML, every float to the last bit; raises `OutputError`."""
+    """Write a camera as OpenCV FileStorage YAML, every float to the last bit.
+
+    Parameters
+    ----------
+    camera
+        The camera, with its image size (px) and its sigma (px) where these are known.
+    path
+        The file to write.
+    overwrite
+        Whether to replace a file that circlepose did not write.
+
+    Raises
+    ------
+    OutputError
+        Where the file cannot be written, or exists and is not circlepose's.
+    """
     entries: dict[str, int | str | FloatArray] = {}
     if camera.image_size is not None:
         entries = {"image_width": camera.image_size[0], "image_height": camera.image_size[1]}

@@ -20,7 +20,7 @@ _OF_DECODERS = re.compile(
     r"Invalid SOS parameters |Unknown Adobe color |Warning: unknown JFIF |Application transferred |"
     r"\[ *(?:DEBUG|INFO|WARN|ERROR|FATAL):|imdecode_|OpenCV\("
 )
-# Not those on bytes too many or a bad colour profile, which some cameras write and which harm no pixel.
+# Not those on bytes too many or a bad color profile, which some cameras write and which harm no pixel.
 _OF_LOST_PIXELS = re.compile(
     r"Corrupt JPEG data: (premature end|bad \w+ code|found marker)|Premature end|Inconsistent progression"
 )

@@ -14,7 +14,7 @@ PIXELS_VARIABLE = "OPENCV_IO_MAX_IMAGE_PIXELS"
 MAX_SIDE = 1 << 20
 """OpenCV's own limit."""
 SCANS_OF_LARGEST = 4
-"""A JPEG is decoded scan by scan, each over all pixels: no more scans times pixels than so many of the largest image.
+"""A JPEG is decoded scan by scan, each over all pixels: scans times pixels may be this many of the largest image.
 Encoders write 10 for a progressive one, so images of up to 100 million pixels may have more than usual."""
 
 Size = tuple[int, int]

@@ -33,7 +33,7 @@ __all__ = ["IMAGE_SUFFIXES", "read_image", "write_image"]
 
 
 def read_image(path: str | os.PathLike[str] | RemoteFile) -> Image:
-    """Return the image as stored: (h, w) grey, (h, w, 3) BGR or (h, w, 4) BGRA, uint8 or uint16.
+    """Return the image as stored: (h, w) gray, (h, w, 3) BGR or (h, w, 4) BGRA, uint8 or uint16.
 
     EXIF orientation is not applied: the calibration holds for the sensor's rows and columns.
 
@@ -74,7 +74,7 @@ def decode_image(content: bytes, name: str) -> Image:
             f"{name}: is a JPEG 2000 image, whose decoder has had bugs that a hostile file could use; convert it "
             f"to PNG, or set the environment variable {JPEG_2000_VARIABLE}=1 where you trust the file.",
         )
-    # OpenCV 4 fills the lost part of a JPEG with grey and says nothing.
+    # OpenCV 4 fills the lost part of a JPEG with gray and says nothing.
     if not is_complete(content, kind):
         raise ImageError(Status.TRUNCATED_IMAGE, f"{name}: the {kind} image ends early; copy or take it again.")
     size = stated_size(content, kind)
@@ -93,7 +93,7 @@ def decode_image(content: bytes, name: str) -> Image:
         channels = image.shape[2] if image.ndim == 3 else 1
         raise ImageError(
             Status.NOT_AN_IMAGE,
-            f"{name}: holds {channels} channel(s) of {image.dtype}; expected 8- or 16-bit grey, BGR or BGRA.",
+            f"{name}: holds {channels} channel(s) of {image.dtype}; expected 8- or 16-bit gray, BGR or BGRA.",
         )
     return image
 

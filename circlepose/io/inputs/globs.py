@@ -16,7 +16,7 @@ EVERYWHERE = "**"
 def matches(folder: str, parts: Sequence[str]) -> Iterator[str]:
     """Yield the paths below `folder` whose names match the `parts` of a pattern one by one, in no order.
 
-    `*`, `?` and `[...]` match names that are not hidden; `**` any folders, but not by way of links, which may lead
+    `*`, `?` and `[...]` match names that are not hidden; `**` any folders, but not through links, which may lead
     round in a circle. Raises `UsageError` for a folder that cannot be read.
     """
     part, rest = parts[0], parts[1:]

@@ -52,7 +52,7 @@ class RemoteFile:
         return RemoteFile(re.split(r"\?", self.url)[0].rsplit("/", 1)[0] + "/")
 
     def stat(self) -> RemoteStat:
-        """Return the object's state; raises `OSError` where there is none to be had.
+        """Return the object's state; raises `OSError` where it has none.
 
         A URL with credentials or a query has none: what it gives may depend on what must not be kept.
         """

@@ -33,12 +33,12 @@ _Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
 _Triple = Annotated[list[float], Field(min_length=3, max_length=3)]
 _Positive = Annotated[float, Field(gt=0.0)]
 _Level = Annotated[float, Field(ge=0.0, le=255.0)]
-_LEVEL = "a grey level from 0 to 255"
+_LEVEL = "a gray level from 0 to 255"
 _TEXTURE = "a mapping with amplitude, scale_mm (or scale_px in the image) and seed"
 
 
 class _Texture(Strict):
-    amplitude: Annotated[float, Field(ge=0.0)] = Field(description="a number of at least 0, in grey levels")
+    amplitude: Annotated[float, Field(ge=0.0)] = Field(description="a number of at least 0, in gray levels")
     scale_mm: _Positive | None = Field(None, description="a positive number, the size of the spots in mm")
     scale_px: _Positive | None = Field(None, description="a positive number, the size of the spots in px")
     seed: Annotated[int, Field(ge=0)] = Field(0, description="a whole number of at least 0")
@@ -90,7 +90,7 @@ class _Disc(_Placed, _Paint):
 
 class _Rings(_Placed):
     radii_mm: list[float] = Field(description="a list of radii in mm, the largest first")
-    levels: list[_Level] = Field(description="a list of grey levels, from each radius inwards to the next")
+    levels: list[_Level] = Field(description="a list of gray levels, from each radius inwards to the next")
 
 
 class _Coaxial(_Placed):

@@ -42,7 +42,7 @@ class _View(Strict):
     occluders: _Mappings = Field([], description="a list of shapes, each a mapping with a kind")
     shading: _Shading = Field(_Shading(), description="a mapping with the keys right and down")
     blur_px: _NotNegative = Field(0.7, description="a number of at least 0, the sigma of the blur in px")
-    noise_levels: _NotNegative = Field(0.0, description="a number of at least 0, the noise in grey levels")
+    noise_levels: _NotNegative = Field(0.0, description="a number of at least 0, the noise in gray levels")
     noise_seed: Annotated[int, Field(ge=0)] = Field(0, description="a whole number of at least 0")
     bit_depth: Literal[8, 16] = Field(8, description="8 or 16")
 
@@ -70,8 +70,19 @@ class SceneFile:
 def read_scenes(path: str | os.PathLike[str]) -> SceneFile:
     """Read a scene file.
 
-    Raises `SceneError` (or `CalibrationError`, `TargetError` for those parts) that names the file, the key
-    and what is expected.
+    Parameters
+    ----------
+    path
+        The YAML file.
+
+    Returns
+    -------
+    The camera, the target and a scene for each view.
+
+    Raises
+    ------
+    SceneError, CalibrationError, TargetError
+        One sentence: the file, the key and what is expected; by the part of the file.
     """
     text, name = read_source(path, SceneError)
     entries = parse_yaml(text, name, SceneError)

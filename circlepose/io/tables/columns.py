@@ -24,18 +24,18 @@ COLUMN_MEANING: Mapping[str, str] = {
     "solution": "number of the candidate pose; 0 is the better",
     "chosen": "true for the candidate to use",
     "status": "ok, or why there is no pose",
-    "center_x_mm": "centre of the circle in the camera frame, to the right",
-    "center_y_mm": "centre of the circle in the camera frame, downwards",
-    "center_z_mm": "centre of the circle in the camera frame, forwards",
+    "center_x_mm": "center of the circle in the camera frame, to the right",
+    "center_y_mm": "center of the circle in the camera frame, downwards",
+    "center_z_mm": "center of the circle in the camera frame, forwards",
     "normal_x": "unit normal of the circle's plane, towards the camera",
     "normal_y": "see normal_x",
     "normal_z": "see normal_x",
     "radius_mm": "radius that was given",
-    "position_difference_mm": "distance of the centre from that of chen-huang, with --method all",
+    "position_difference_mm": "distance of the center from that of chen-huang, with --method all",
     "orientation_difference_deg": "angle of the normal to that of chen-huang, with --method all",
     "generatrix_mm": "coaxial targets: rim to rim distance of this pair of candidates",
     "ambiguity": "probability that the chosen candidate is the wrong one",
-    "center_u_px": "where the circle's centre is seen in the raw image (not the ellipse's centre)",
+    "center_u_px": "where the circle's center is seen in the raw image (not the ellipse's center)",
     "center_v_px": "see center_u_px",
     "semi_major_px": "semi-major axis of the rim's image",
     "semi_minor_px": "semi-minor axis of the rim's image",
@@ -131,7 +131,7 @@ def cell(column: str, value: object) -> str:
 
 
 def fixed(value: float, decimals: int) -> str:
-    """Return a number with so many decimals; a zero without sign, nothing for what is no number."""
+    """Return a number with `decimals` decimals; a zero without sign, an empty text for NaN and infinity."""
     if not math.isfinite(value):
         return ""
     # Adding zero turns a negative zero into a plain one.

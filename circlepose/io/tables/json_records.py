@@ -176,7 +176,7 @@ def dumps(record: Row) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """Return `value` with file names safe to write and numbers that are none turned into None."""
+    """Return `value` with file names escaped, and NaN and infinity turned into None."""
     if isinstance(value, dict):
         return {key: _plain(entry) for key, entry in value.items()}
     if isinstance(value, list):

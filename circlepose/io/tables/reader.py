@@ -43,7 +43,7 @@ def read_pose_file(content: bytes, name: str, *, truth_allowed: bool = False) ->
     """Return the table in `content`, the bytes of a file that messages call `name`.
 
     The form is seen from the content. A truth, where that is allowed, is a CSV without the columns `method` and
-    `solution`: a row per circle, `image, instance, circle` and the columns of centre (mm) and normal, which may be
+    `solution`: a row per circle, `image, instance, circle` and the columns of center (mm) and normal, which may be
     called `x, y, z` or `cx, cy, cz` and `nx, ny, nz`; `instance` and `circle` may be left out. An empty cell is
     an unknown number.
 
@@ -150,7 +150,7 @@ def _pose(row: TableRow, names: dict[str, str], *, complete: bool) -> TabledPose
         if center is not None and _points_away(normal, center):
             raise UsageError(
                 f"{row.where}: {names['normal_x']}: the normal points away from the camera; turn it round, "
-                "and see that centre and normal are in the camera's frame."
+                "and see that center and normal are in the camera's frame."
             )
     return TabledPose(center, normal)
 
@@ -189,7 +189,7 @@ def _whole(row: TableRow, column: str) -> int:
 
 
 def _parsed(row: TableRow, column: str) -> float:
-    """Return a cell as a number, NaN if it is none."""
+    """Return a cell as a number, NaN if it is not one."""
     try:
         return float(row.text(column))
     except ValueError:

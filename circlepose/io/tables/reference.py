@@ -52,7 +52,7 @@ class Reference:
     def poses(self, result: ImageResult) -> dict[CircleKey, TabledPose]:
         """Return the reference's pose of each measured circle that has one.
 
-        Circles are matched as by `check`: by name and method, several instances by their centres.
+        Circles are matched as by `check`: by name and method, several instances by their centers.
         """
         if not self.knows(result.image):
             return {}

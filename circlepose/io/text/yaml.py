@@ -194,7 +194,7 @@ def parse_yaml(text: str, name: str, error: type[CircleposeError]) -> dict[str, 
         documents = [each for each in yaml.load_all(body, _Loader) if each is not None]
     except yaml.MarkedYAMLError as reason:
         if "nest" in (reason.problem or ""):
-            raise error(f"{name}: is nested too deeply to be meant.") from None
+            raise error(f"{name}: is nested too deeply.") from None
         mark = reason.problem_mark or reason.context_mark
         line = f", line {mark.line + 1}" if mark else ""
         raise error(f"{name}{line}: is not valid YAML ({brief(reason.problem or reason.context or '')}).") from None

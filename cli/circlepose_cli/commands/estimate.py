@@ -13,7 +13,7 @@ from circlepose_cli.options.requests import EstimateRequest
 def estimate(request: EstimateRequest) -> None:
     """Measure the circles in images.
 
-    Prints their poses: centre in mm and unit normal in the camera frame, both candidates, the better first.
+    Prints their poses: center in mm and unit normal in the camera frame, both candidates, the better first.
 
     The target is, in this order: --target or --radius-mm; the target.yaml beside the image; target: in the
     calibration file. Exit codes: 0 all measured, 2 usage or calibration, 3 some images failed, 130 interrupted.

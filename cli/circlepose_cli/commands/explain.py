@@ -13,7 +13,7 @@ from circlepose_cli.options.requests import ExplainRequest
 def explain(request: ExplainRequest) -> None:
     """Explain what the poses in an image rest on.
 
-    Prints the stages with their numbers: contours found and rejected, edges, grey levels, what was left out and why,
+    Prints the stages with their numbers: contours found and rejected, edges, gray levels, what was left out and why,
     the candidates, and which term of the uncertainty dominates. --picture draws it.
 
     Exit codes: 0 measured, 2 usage or calibration, 3 the image failed; the report says why.

@@ -15,9 +15,7 @@ from circlepose_cli.options import declared
 def render(
     scene: Annotated[
         Path,
-        typer.Argument(
-            metavar="SCENE.yaml", help="What the camera sees, such as configs/scenes/cd.yaml.", show_default=False
-        ),
+        typer.Argument(metavar="SCENE.yaml", help="Scene file, such as configs/scenes/cd.yaml.", show_default=False),
     ],
     output: Annotated[
         Path,

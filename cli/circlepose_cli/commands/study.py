@@ -13,7 +13,7 @@ from circlepose_cli.console import process
 from circlepose_cli.options import declared
 
 T = TypeVar("T")
-Seed = Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Of the random numbers.")]
+Seed = Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Seed of the random numbers.")]
 study = typer.Typer(
     name="study",
     help="Redo the papers' experiments.",
@@ -75,7 +75,7 @@ def noise(
 ) -> None:
     """Noise experiment of Chen & Huang 1999.
 
-    Standard deviations of centre and normal under Gaussian noise of 1, 2 and 3 px on the feature points, for
+    Standard deviations of center and normal under Gaussian noise of 1, 2 and 3 px on the feature points, for
     several readings of what the paper leaves open.
     """
     process.begin(verbose=verbose)

@@ -192,9 +192,9 @@ class Reporter:
             self.note(f"{self._not_measured} more circles like these: --count all")
         self.note(", ".join(parts))
         if resumable:
-            self.note("the same command with --resume does only what is left")
+            self.note("the same command with --resume measures only what is left")
         elif interrupted:
-            self.note("with -o FILE, a run that is interrupted can be gone on with (--resume)")
+            self.note("with -o FILE, an interrupted run can be continued with --resume")
         if self.bugs:
             self.note("internal_error is a bug: please report it with the command line and what --verbose shows")
 

@@ -80,7 +80,9 @@ class CameraTargetOptions:
     depth_range_mm: Annotated[
         parse.Interval | None,
         typer.Option(
-            "--depth-range-mm", metavar="NEAR:FAR", help="Accept only circles whose centre is so deep (z), in mm."
+            "--depth-range-mm",
+            metavar="NEAR:FAR",
+            help="Accept only circles whose center has its z in this interval, in mm.",
         ),
         Parsed(parse.interval),
     ] = None
@@ -103,7 +105,9 @@ class CameraTargetOptions:
     normal_spread_deg: Annotated[
         float | None,
         typer.Option(
-            "--normal-spread-deg", metavar="DEG", help="How rough --normal is; 20 unless the target says so."
+            "--normal-spread-deg",
+            metavar="DEG",
+            help="Standard deviation of --normal. Default: the target's, else 20.",
         ),
     ] = None
     up: Annotated[
@@ -113,7 +117,9 @@ class CameraTargetOptions:
     ] = None
     up_spread_deg: Annotated[
         float | None,
-        typer.Option("--up-spread-deg", metavar="DEG", help="How rough --up is; 10 unless the target says so."),
+        typer.Option(
+            "--up-spread-deg", metavar="DEG", help="Standard deviation of --up. Default: the target's, else 10."
+        ),
     ] = None
     facing: Annotated[
         Side | Direction | None,
@@ -130,7 +136,9 @@ class StageOptions:
 
     refine: Annotated[
         bool,
-        typer.Option("--refine/--no-refine", help="Place the edges again along the predicted rim, and fit them."),
+        typer.Option(
+            "--refine/--no-refine", help="Fit edges and gray levels along the predicted rim, or the contour only."
+        ),
     ] = True
     extraction: Annotated[
         Extraction,
@@ -138,9 +146,9 @@ class StageOptions:
     ] = EXTRACTIONS[0]
     scale_calibration: Annotated[
         bool,
-        typer.Option("--scale-calib", help="Take images of another size than the calibration's as resized ones."),
+        typer.Option("--scale-calib", help="Scale the calibration to images of another size."),
     ] = False
     force_calibration: Annotated[
         bool,
-        typer.Option("--force-calib", help="Use a calibration that looks wrong, as it stands."),
+        typer.Option("--force-calib", help="Use a calibration although it looks wrong."),
     ] = False

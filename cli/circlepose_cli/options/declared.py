@@ -69,12 +69,14 @@ Format: TypeAlias = Annotated[
 Report: TypeAlias = Annotated[ReportFormat, typer.Option("--format", help="Plain words, or JSON.")]
 Output: TypeAlias = Annotated[
     Path | None,
-    typer.Option("--output", "-o", metavar="FILE", help="Write there, whole or not at all, not to standard output."),
+    typer.Option(
+        "--output", "-o", metavar="FILE", help="Write to this file, whole or not at all, not to standard output."
+    ),
 ]
 Overwrite: TypeAlias = Annotated[
     bool, typer.Option("--overwrite", help="Replace files that circlepose did not write, too.")
 ]
-Quiet: TypeAlias = Annotated[bool, typer.Option("--quiet", "-q", help="Say nothing but what ends the run.")]
+Quiet: TypeAlias = Annotated[bool, typer.Option("--quiet", "-q", help="Print only the error that ends the run.")]
 Verbose: TypeAlias = Annotated[
-    bool, typer.Option("--verbose", "-v", help="Say what is used and rejected, and show tracebacks of bugs.")
+    bool, typer.Option("--verbose", "-v", help="Print what is used and rejected, and tracebacks of bugs.")
 ]

@@ -27,7 +27,7 @@ def with_options_named(result: ImageResult) -> ImageResult:
 
 
 def number_of_mm(text: str) -> float:
-    """Return the number; Typer names the option where it is none."""
+    """Return the number of mm. Raises `BadParameter`, to which Typer adds the name of the option."""
     try:
         return float(text)
     except ValueError:

@@ -65,7 +65,7 @@ class EstimateRequest:
             "--output",
             "-o",
             metavar="FILE",
-            help="Write there (a URL, too), whole or not at all; .csv, .tsv, .json, .jsonl (each also .gz) or "
+            help="Write to this file or URL, whole or not at all; .csv, .tsv, .json, .jsonl (each also .gz) or "
             ".parquet.",
         ),
     ] = None
@@ -88,14 +88,14 @@ class EstimateRequest:
         typer.Option(
             "--timeout",
             metavar="SECONDS",
-            help="Give an image up after so long, and go on with the next. Default: 120.",
+            help="Longest time for one image; the run goes on without it. Default: 120.",
             show_default=False,
         ),
         Parsed(parse.positive_seconds, typed=float),
     ] = None
     resume: Annotated[
         bool,
-        typer.Option("--resume", help="Go on with a run that did not come to its end: needs its -o FILE."),
+        typer.Option("--resume", help="Continue a run that did not finish; needs its -o FILE."),
     ] = False
     quiet: declared.Quiet = False
     verbose: declared.Verbose = False
@@ -130,14 +130,14 @@ class InspectRequest:
     picture: Annotated[
         Path | None,
         typer.Option(
-            "--picture", metavar="FILE", help="Draw there what is kept, in green, and what is refused, in red."
+            "--picture", metavar="FILE", help="Draw the kept contours in green and the rejected ones in red."
         ),
     ] = None
     polarity: declared.Polarity = None
     major_px: declared.MajorPx = None
     minor_px: declared.MinorPx = None
     rings: Annotated[
-        bool, typer.Option("--rings", help="Keep circles within others of the same centre, as of ring targets.")
+        bool, typer.Option("--rings", help="Keep circles inside others of the same center, as in ring targets.")
     ] = False
     report_format: declared.Report = ReportFormat.TEXT
     overwrite: declared.Overwrite = False
@@ -156,18 +156,14 @@ class CheckRequest:
         Path,
         typer.Option("--against", metavar="FILE", help="A table made by estimate before, or a truth as CSV."),
     ]
-    position_mm: Annotated[
-        float, typer.Option("--position-mm", metavar="MM", help="How far a centre may be from its reference.")
-    ] = 0.5
-    normal_deg: Annotated[
-        float, typer.Option("--normal-deg", metavar="DEG", help="How far a normal may be from its reference.")
-    ] = 0.1
+    position_mm: Annotated[float, typer.Option("--position-mm", metavar="MM", help="Tolerance of the center.")] = 0.5
+    normal_deg: Annotated[float, typer.Option("--normal-deg", metavar="DEG", help="Tolerance of the normal.")] = 0.1
     candidate: Annotated[
         CandidateChoice,
         typer.Option("--candidate", help="Compare the chosen candidate, or that nearest to the reference."),
     ] = "chosen"
     update: Annotated[
-        bool, typer.Option("--update", help="Make POSES the baseline, whatever moved; a truth is refused.")
+        bool, typer.Option("--update", help="Make POSES the baseline, whatever moved; not for a truth.")
     ] = False
     output_format: Annotated[
         declared.FormatChoice | None,

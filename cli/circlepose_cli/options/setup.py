@@ -145,7 +145,7 @@ def _hint(
         direction = known.direction
     if direction is None:
         if spread_deg is not None:
-            raise UsageError(f"--{option}-spread-deg: there is no direction that it is of; give --{option} X,Y,Z.")
+            raise UsageError(f"--{option}-spread-deg: needs --{option} X,Y,Z.")
         return None
     if spread_deg is None:
         spread_deg = usual_deg if known is None else known.spread_deg
@@ -163,4 +163,4 @@ def _no_target(folder: Place, camera_file: Path) -> str:
     width = max(len(way) for way, _ in ways)
     lines = "\n".join(f"  {way:<{width}}  {meaning}" for way, meaning in ways)
     number = {3: "three", 4: "four"}[len(ways)]
-    return f"{folder}: what to look for in the images there is not known; say it in one of {number} ways:\n{lines}"
+    return f"{folder}: no target for the images there; give it in one of {number} ways:\n{lines}"

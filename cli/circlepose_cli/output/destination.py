@@ -36,13 +36,13 @@ def output_place(typed: str | os.PathLike[str] | None) -> Place | None:
 
 
 def open_journal(output: Place | None, options: MeasureOptions, *, resume: bool, overwrite: bool) -> Journal | None:
-    """Open the journal of `output`; None where that is no regular file, which cannot be gone on with.
+    """Open the journal of `output`; None where that is not a regular file, so that a run cannot be resumed.
 
     Raises `UsageError` for a run that cannot be resumed, and `OutputError` where `output` may not be replaced.
     """
     if output is None:
         if resume:
-            raise UsageError("--resume: needs -o FILE, beside which is kept what is finished.")
+            raise UsageError("--resume: needs -o FILE; the journal of the run is beside it.")
         return None
     if isinstance(output, RemoteFile):
         place = stand_in(output)
@@ -51,7 +51,7 @@ def open_journal(output: Place | None, options: MeasureOptions, *, resume: bool,
         place = Path(os.path.realpath(output))
     else:
         if resume:
-            raise UsageError(f"--resume: {output} is no regular file, so nothing is kept beside it.")
+            raise UsageError(f"--resume: {output} is not a regular file, so it has no journal.")
         return None
     journal = Journal(journal_path(place), conditions(options), resume=resume, output=str(output))
     # The journal's lock keeps the place for this run.

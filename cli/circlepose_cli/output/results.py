@@ -41,7 +41,7 @@ def choose_format(
     """
     form = asked if asked is not None else _usual_format(output, to_terminal=to_terminal)
     if form is FormatChoice.PARQUET and not of_estimate:
-        raise UsageError("--format parquet: is a form of estimate's tables alone; give csv, tsv, json or jsonl.")
+        raise UsageError("--format parquet: only estimate writes Parquet; give csv, tsv, json or jsonl.")
     if form is FormatChoice.PARQUET and (output is None or is_compressed(output)):
         raise UsageError("--format parquet: needs -o FILE, whose name does not end in .gz.")
     return form

@@ -17,7 +17,7 @@ from circlepose.targets.target import Target
 from circlepose_cli.reports.target import describe_target, target_warnings
 
 SCHEMA = "circlepose.camera.camera/1"
-CONVENTION = "an integer pixel coordinate is a pixel's centre; (0, 0) is the centre of the top left pixel"
+CONVENTION = "an integer pixel coordinate is a pixel's center; (0, 0) is the center of the top left pixel"
 REFUSED = " (estimate refuses it without --force-calib)"
 _CORNERS = ("top left", "top right", "bottom left", "bottom right")
 
@@ -44,7 +44,7 @@ class CameraReport:
     focal_lengths_px: tuple[float, float]
     principal_point_px: tuple[float, float]
     principal_point_offset_px: tuple[float, float] | None
-    """from the image's centre"""
+    """from the image's center"""
     focal_sigma_px: float
     center_sigma_px: float
     """standard deviations of the focal lengths and of the principal point; 0 where the file does not say them"""
@@ -165,10 +165,10 @@ def _principal_point(report: CameraReport) -> str:
         return text
     dx, dy = report.principal_point_offset_px
     if max(abs(dx), abs(dy)) < 0.005:
-        return f"{text}, the image's centre"
+        return f"{text}, the image's center"
     across = f"{abs(dx):.2f} px {'right' if dx >= 0.0 else 'left'}"
     along = f"{abs(dy):.2f} px {'below' if dy >= 0.0 else 'above'}"
-    return f"{text}, {across} of and {along} the image's centre"
+    return f"{text}, {across} of and {along} the image's center"
 
 
 def _angles(angles: dict[str, float | None]) -> Iterator[str]:

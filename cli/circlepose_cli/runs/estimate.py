@@ -43,7 +43,7 @@ def run(request: EstimateRequest) -> int:
 
 def _run(request: EstimateRequest, held: ExitStack) -> int:
     if request.cluster is not None and request.jobs is not None:
-        raise UsageError("--jobs, --cluster: give one of them; how many measure is the cluster's affair.")
+        raise UsageError("--jobs, --cluster: give one of them; the cluster has its own number of workers.")
     output = output_place(request.output)
     to_terminal = output is None and sys.stdout.isatty()
     output_format = choose_format(request.output_format, output, to_terminal=to_terminal)
@@ -80,9 +80,9 @@ def _run(request: EstimateRequest, held: ExitStack) -> int:
         open_journal(output, options, resume=request.resume, overwrite=request.overwrite) or nullcontext() as journal,
     ):
         if journal is not None and journal.discarded:
-            reporter.note(f"{journal.path}: was left by an unfinished run; it is begun anew, without --resume")
+            reporter.note(f"{journal.path}: was left by an unfinished run; without --resume the run starts again")
         if journal is not None and request.resume and journal.is_new:
-            reporter.note(f"{journal.path}: there is nothing to go on with; all images are measured")
+            reporter.note(f"{journal.path}: there is nothing to resume; all images are measured")
         is_binary = output_format is FormatChoice.PARQUET
         with suppress(Unfinished), open_output(output, binary=is_binary, overwrite=request.overwrite) as handle:
             bar = reporter.running(total, shows_bar=shows_bar)

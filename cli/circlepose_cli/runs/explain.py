@@ -55,7 +55,7 @@ def run(request: ExplainRequest) -> int:
 
 def _one_image(typed: str) -> InputImage:
     if typed == STDIN:
-        raise UsageError("-: explain takes the name of one image; to measure many there is circlepose estimate.")
+        raise UsageError("-: explain takes the name of one image; circlepose estimate measures many.")
     first, *others = list(expand_inputs([typed]))
     if others:
         raise UsageError(

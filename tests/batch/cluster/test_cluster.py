@@ -158,7 +158,7 @@ def test_a_scheduler_that_is_restarted_costs_no_image(folder: Path, local_table:
             _, err = process.communicate(timeout=100)
         assert process.returncode == 3
     assert out.read_bytes() == local_table
-    assert f"{cluster.address}: the scheduler has gone; waiting for it to come back\n" in err
+    assert f"{cluster.address}: the scheduler does not answer; waiting for it\n" in err
     assert f"{cluster.address}: the scheduler is back\n" in err
     assert "Traceback" not in err, err
 

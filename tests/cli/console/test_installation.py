@@ -9,7 +9,6 @@ import pytest
 
 import circlepose
 import circlepose_cli
-from circlepose_cli.console import installation
 from circlepose_cli.console.installation import broken_package
 from tests.support.discs import disc_folder
 from tests.support.processes import environment, run
@@ -68,7 +67,7 @@ def test_two_packages_that_own_cv2_are_named_with_what_mends_it(monkeypatch):
             raise metadata.PackageNotFoundError(name)
         return owners[name]
 
-    monkeypatch.setattr(installation.metadata, "version", version)
+    monkeypatch.setattr(metadata, "version", version)
     message = broken_package(ImportError("bad", name="cv2"))
     assert "opencv-python and opencv-python-headless overwrite each other's files" in message
     assert "pip uninstall -y opencv-python opencv-python-headless" in message

@@ -120,7 +120,7 @@ def test_other_targets(tmp_path: Path, target: str, kind: type, names: str) -> N
         ("[0, 0.2, -1]", "[0, 0, 0]", SceneError, "targets[0]: disc: normal: expected a direction"),
         ("[0, 0.2, -1]", "[0, 1]", SceneError, "targets[0]: normal: expected [x, y, z]"),
         ("center_mm: [2, 1, 290]", "at_mm: [1, 2]", SceneError, "either center_mm and normal, or plane and at_mm"),
-        ("level: 40", "level: 400", SceneError, "targets[0]: level: expected a grey level from 0 to 255, got 400"),
+        ("level: 40", "level: 400", SceneError, "targets[0]: level: expected a gray level from 0 to 255, got 400"),
         ("level: 190", "lvl: 190", SceneError, "background: lvl: is no known key"),
         ("level: 190", "level: 190, texture: {amplitude: 2, scale_mm: 3}", SceneError, "as scale_px"),
         ("background", "backgroud", SceneError, "backgroud: is no known key; did you mean background?"),

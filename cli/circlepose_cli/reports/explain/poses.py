@@ -37,14 +37,14 @@ def view_rows(view: MirrorView | None) -> Iterator[tuple[str, str | None]]:
 
 
 def pose_line(candidate: Candidate, *, chosen: bool) -> str:
-    """Return centre and normal of a candidate, with their standard deviations where they are known."""
+    """Return center and normal of a candidate, with their standard deviations where they are known."""
     center = "({:.3f}, {:.3f}, {:.3f}) mm".format(*candidate.center)
     normal = "({:.4f}, {:.4f}, {:.4f})".format(*candidate.normal)
     if candidate.covariance is not None:
         sigma = np.sqrt(np.diagonal(candidate.covariance))
         center += " +- ({:.2g}, {:.2g}, {:.2g})".format(*sigma[:3])
         normal += f" +- {math.degrees(float(np.hypot(*sigma[3:]))):.2g} deg"
-    return f"centre {center}, normal {normal}{', chosen' if chosen else ''}"
+    return f"center {center}, normal {normal}{', chosen' if chosen else ''}"
 
 
 def cue_lines(result: CircleResult) -> Iterator[str]:
@@ -104,12 +104,12 @@ def uncertainty_lines(result: CircleResult, *, refine: bool) -> tuple[str, ...]:
     chosen = result.candidates[result.chosen]
     if chosen.covariance is None:
         why = {
-            Flag.EDGES_ONLY: "errors of edges go together",
+            Flag.EDGES_ONLY: "errors of edges are correlated",
             Flag.NEAR_RIGHT: "the tilt is not determined",
             Flag.NEAR_DEGENERATE: "the image is nearly a segment",
         }
         if not refine:
-            return ("no covariance: --no-refine looks at no levels",)
+            return ("no covariance: --no-refine does not use the levels",)
         known = [words for flag, words in why.items() if flag in result.flags]
         return (f"no covariance{f': {known[0]}' if known else ''}",)
     terms = chosen.covariance_terms

@@ -52,7 +52,7 @@ def _circle_rows(circle: ExplainedCircle, *, refine: bool) -> Iterator[tuple[str
     yield "", result.reason
     yield (
         "contour",
-        "none of its own: the rim was found by way of the target, or as a sliver"
+        "none: the rim was predicted from the target, or found as a sliver"
         if circle.contour is None
         else circle.contour.kept_because,
     )
@@ -100,9 +100,7 @@ def _levels(circle: ExplainedCircle, *, refine: bool) -> str:
     if unequal > _UNEQUAL:
         parts.insert(1, f"its variance {unequal:.0%} unequal by direction")
     if levels.correlation > _EVEN:
-        parts.append(
-            f"neighbouring residuals add up ({levels.correlation:.1f} times the variance of independent ones)"
-        )
+        parts.append(f"residuals are correlated ({levels.correlation:.1f} times the variance of independent ones)")
     if not refine:
         parts.append("not used: --no-refine")
     elif Flag.EDGES_ONLY in circle.result.flags:
@@ -118,7 +116,7 @@ def _left_out(circle: ExplainedCircle) -> Iterator[str]:
         return
     reasons = _reasons(levels)
     if not any(reasons.values()):
-        yield f"nothing of the {len(levels.pixels)} pixels in the band of {levels.reach_px:.1f} px each way"
+        yield f"none of the {len(levels.pixels)} pixels in the band of {levels.reach_px:.1f} px each way"
         return
     total = len(levels.pixels)
     yield ", ".join(f"{number / total:.1%} {reason}" for reason, number in reasons.items() if number)
