@@ -154,7 +154,7 @@ class Candidate:
     """the same in standard deviations, of both normals together: root of a chi-square of two degrees of freedom;
     None where this candidate has no covariance"""
     covariance: FloatArray | None = None
-    """(5, 5) of centre (mm^2) and two tilts (rad^2) of the normal, towards the vectors of `cone.plane_basis`; of all
+    """(5, 5) of center (mm^2) and two tilts (rad^2) of the normal, towards `tilt_axes`; of all
     terms together; None where none can be vouched for"""
     covariance_terms: CovarianceTerms | None = None
     """the terms, where another than the image's noise is known"""
