@@ -39,7 +39,8 @@ def test_the_examples_of_the_manual_run_in_order(beside_samples: Path, capsys: p
     assert isinstance(result, circlepose.ImageResult)
     (circle,) = result.circles
     by_ellipse = circlepose.estimate_from_ellipse(names["ellipse"], names["camera"], 60.0)  # type: ignore[arg-type]
-    assert abs(by_ellipse.candidates[0].center - circle.candidates[0].center).max() < 0.05
+    nearest = min(abs(candidate.center - circle.candidates[0].center).max() for candidate in by_ellipse.candidates)
+    assert nearest < 0.02
 
 
 def test_the_example_of_the_readme_runs(beside_samples: Path, capsys: pytest.CaptureFixture[str]) -> None:
