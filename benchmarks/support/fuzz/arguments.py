@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import EnumMeta
 from functools import cache
+from importlib.util import find_spec
 
 import cv2
 import numpy as np
@@ -52,16 +53,16 @@ def calls() -> Mapping[str, Call]:
         "explain": Call(_explained, _of_estimate),
         "inspect": Call(circlepose.inspect, _of_inspect),
         "measure": Call(_measured_files, _of_measure),
-        "read_image": Call(circlepose.read_image, lambda: {"path": "no such file"}),
+        "read_image": Call(circlepose.read_image, lambda: {"path": str(_PHOTOGRAPH)}),
         "draw_overlay": Call(circlepose.draw_overlay, _of_overlay),
         "to_rows": Call(circlepose.to_rows, lambda: {"results": [_result()]}),
-        "to_dataframe": Call(circlepose.to_dataframe, lambda: {"results": [_result()]}),
+        "to_dataframe": Call(_as_frame, lambda: {"results": [_result()]}),
         "Camera.create": Call(_measured_by, _of_camera),
         "Camera": Call(_measured_by_own, _of_own_camera),
         "CameraSigma": Call(CameraSigma, lambda: {"focal_px": 1.0, "center_px": 2.0}),
         "Target.circle": Call(_looked_for_circle, _of_circle),
-        "Target.rings": Call(_looked_for_rings, _of_rings),
-        "Target.coaxial": Call(_looked_for_coaxial, _of_coaxial),
+        "Target.rings": Call(Target.rings, _of_rings),
+        "Target.coaxial": Call(Target.coaxial, _of_coaxial),
         "Target": Call(_looked_for, _of_target),
         "AxisIntervals": Call(circlepose.AxisIntervals, lambda: {"major_px": (8.0, 60.0), "minor_px": (4.0, 60.0)}),
         "DirectionHint": Call(_hinted, lambda: {"direction": (0.0, 1.0, 0.0), "spread_deg": 10.0}),
@@ -312,6 +313,7 @@ _ODD: tuple[Callable[[], object], ...] = (
     lambda: DirectionHint((1e-9, 0.0, 0.0), 180.0),
 )  # fmt: skip
 
+_PHOTOGRAPH = pathlib.Path(__file__).parents[3] / "sample_images" / "cd" / "a.png"
 _SIZE = (64, 48)
 _MATRIX = ((60.0, 0.0, 31.5), (0.0, 60.0, 23.5), (0.0, 0.0, 1.0))
 
@@ -448,12 +450,8 @@ def _looked_for_circle(**arguments: object) -> object:
     return circlepose.estimate(_picture(), _camera(), Target.circle(**arguments))
 
 
-def _looked_for_rings(**arguments: object) -> object:
-    return circlepose.estimate(_picture(), _camera(), Target.rings(**arguments))
-
-
-def _looked_for_coaxial(**arguments: object) -> object:
-    return circlepose.estimate(_picture(), _camera(), Target.coaxial(**arguments))
+def _as_frame(**arguments: object) -> object:
+    return circlepose.to_rows(**arguments) if find_spec("pandas") is None else circlepose.to_dataframe(**arguments)
 
 
 def _explained(**arguments: object) -> object:
