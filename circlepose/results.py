@@ -154,7 +154,7 @@ class Candidate:
     """the same in standard deviations, of both normals together: root of a chi-square of two degrees of freedom;
     None where this candidate has no covariance"""
     covariance: FloatArray | None = None
-    """(5, 5) of centre (mm^2) and two tilts (rad^2) of the normal, towards the vectors of `cone.plane_basis`; of all
+    """(5, 5) of center (mm^2) and two tilts (rad^2) of the normal, towards `tilt_axes`; of all
     terms together; None where none can be vouched for"""
     covariance_terms: CovarianceTerms | None = None
     """the terms, where another than the image's noise is known"""
@@ -242,8 +242,6 @@ class CircleResult:
     """coaxial targets: the generatrix that was given"""
     cone: Cone | None = None
     """of the rim as measured, the same for both candidates; None where it was not measured or has no pose"""
-    cone_kind: ConeKind | None = None
-    """viewing condition: column and key `cone` of the tables"""
     ellipse: Ellipse | None = None
     """of the rim in the raw distorted image, px"""
     residual_px: float | None = None
@@ -262,6 +260,11 @@ class CircleResult:
     def pose(self) -> Candidate | None:
         """The chosen candidate; None where there is no pose, and `reason` says why."""
         return self.candidates[self.chosen] if self.candidates else None
+
+    @property
+    def cone_kind(self) -> ConeKind | None:
+        """Viewing condition: right, elliptical or degenerate; the column and key `cone` of the tables."""
+        return None if self.cone is None else self.cone.kind
 
     def __repr__(self) -> str:
         head = f"CircleResult({self.instance} {self.circle}, radius {self.radius_mm:g} mm"

@@ -150,10 +150,12 @@ def test_the_kind_of_a_cone_has_its_own_name(measured: circlepose.ImageResult) -
     (circle,) = measured.circles
     assert circle.cone_kind is ConeKind.ELLIPTICAL
     assert next(pose_rows(measured))["cone"] == "elliptical"
+    # What was the kind once can still be compared with one.
+    for kind in ("elliptical", ConeKind.ELLIPTICAL):
+        with pytest.warns(DeprecationWarning, match="cone_kind"):
+            assert circle.cone == kind
     with pytest.warns(DeprecationWarning, match="cone_kind"):
-        assert circle.cone != "elliptical"
-    with pytest.warns(DeprecationWarning, match="cone_kind"):
-        assert circle.cone != ConeKind.ELLIPTICAL
+        assert circle.cone != "right"
 
 
 def test_results_pass_through_pickle_and_copy(measured: circlepose.ImageResult) -> None:

@@ -136,6 +136,8 @@ def to_bgr8(image: Image) -> Image:
     """Return a new picture for display; more than 8 bits are stretched to the range that is there."""
     to_grey(image)  # which raises an ArgumentError on what is no image
     array = np.asarray(image)
+    if array.ndim == 3 and array.shape[2] == 2:
+        array = array[:, :, 0]
     if array.dtype != np.uint8:
         if array.dtype.kind == "f":
             array = np.nan_to_num(in_steps(array))

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from circlepose._typing import FloatArray
-from circlepose.geometry.cone import principal_frame
+from circlepose.geometry.cone import ConeKind, principal_frame
 from circlepose.geometry.cone_perturbation import pose_amounts
 
 
@@ -24,6 +24,8 @@ class Cone:
 
     factor: FloatArray
     """(3, 3) camera frame; the columns are the semi-axes and the middle of a section of the cone"""
+    kind: ConeKind
+    """viewing condition, by the error of the edges"""
     modes_covariance: FloatArray | None = None
     """(5, 5) of the modes m0 to m4, no unit; of the image's noise alone. None where only edges were measured"""
 
@@ -42,7 +44,8 @@ class Cone:
     def __eq__(self, other: object) -> bool:
         # `CircleResult.cone` was a ConeKind once.
         if isinstance(other, str):
-            warnings.warn("CircleResult.cone is no kind any more; see cone_kind", DeprecationWarning, stacklevel=2)
+            warnings.warn("CircleResult.cone is a Cone; compare cone_kind", DeprecationWarning, stacklevel=2)
+            return self.kind == other
         return self is other
 
     __hash__ = object.__hash__
@@ -50,7 +53,7 @@ class Cone:
     def __repr__(self) -> str:
         half_angles = ", ".join(f"{math.degrees(angle):.3f}" for angle in self._half_angles())
         known = "" if self.modes_covariance is None else ", with covariance"
-        return f"Cone(half angles ({half_angles}) deg{known})"
+        return f"Cone({self.kind}, half angles ({half_angles}) deg{known})"
 
     def _half_angles(self) -> tuple[float, float]:
         """Return half the largest apex angle and half that across it, rad."""

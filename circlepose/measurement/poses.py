@@ -88,8 +88,7 @@ def results_of_rims(
             score=rim.score,
             contour=rim.points,
         )
-        modes = rim.modes_covariance
-        cone = Cone(rim.cone.factor, None if modes is None else (modes + modes.T) / 2.0)
+        modes = None if rim.modes_covariance is None else (rim.modes_covariance + rim.modes_covariance.T) / 2.0
         flags = _flags(rim, float(frames.tan_half_minor[k] / frames.tan_half_major[k]))
         for method in methods:
             solutions = known[k]
@@ -113,8 +112,7 @@ def results_of_rims(
                     method=method,
                     candidates=candidates,
                     ambiguity=0.0 if one else 0.5,
-                    cone=cone,
-                    cone_kind=ConeKind(solutions.cone),
+                    cone=Cone(rim.cone.factor, ConeKind(solutions.cone), modes),
                     flags=tuple(flag for flag in _ORDER if told[flag]),
                 )
             )

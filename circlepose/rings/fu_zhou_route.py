@@ -118,5 +118,4 @@ def _settled(result: CircleResult, chance: float, cue: SettledBy) -> CircleResul
 
 def without_pose(result: CircleResult, reason: str) -> CircleResult:
     """Return the result of a circle for which this method has no pose, and why."""
-    result = replace(result, method=FU_ZHOU, candidates=(), status=Status.NO_POSE, reason=reason, flags=())
-    return replace(result, cone=None, cone_kind=None)
+    return replace(result, method=FU_ZHOU, candidates=(), status=Status.NO_POSE, reason=reason, cone=None, flags=())

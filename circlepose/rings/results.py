@@ -235,8 +235,10 @@ def _in_one_pose(result: CircleResult, number: int, poses: TargetPoses, camera: 
         )
     one = len(candidates) == 1
     flags = tuple(flag for flag in result.flags if flag is not Flag.AMBIGUOUS or not one)
-    kind = ConeKind.ELLIPTICAL if result.cone_kind is ConeKind.RIGHT and not one else result.cone_kind
-    return replace(result, candidates=tuple(candidates), ambiguity=poses.ambiguity, cone_kind=kind, flags=flags)
+    cone = result.cone
+    if cone is not None and cone.kind is ConeKind.RIGHT and not one:
+        cone = replace(cone, kind=ConeKind.ELLIPTICAL)
+    return replace(result, candidates=tuple(candidates), ambiguity=poses.ambiguity, cone=cone, flags=flags)
 
 
 def _is_strained(family: Family, rims: Sequence[Rim]) -> bool:

@@ -11,7 +11,8 @@ import typer.main
 from circlepose.batch.measure import DEFAULT_TIMEOUT_S, IN_PROCESS_MOST
 from circlepose.io.scenes.reader import _View
 from circlepose.targets.hints import NORMAL_SPREAD_DEG, UP_SPREAD_DEG
-from circlepose.targets.target import FLATNESS_SHARE, MAX_RADII, Target
+from circlepose.targets.lengths import MAX_RADII
+from circlepose.targets.target import FLATNESS_SHARE, Target
 from circlepose_cli.app import app
 from tests.support.paths import ROOT
 

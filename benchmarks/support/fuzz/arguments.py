@@ -7,10 +7,13 @@ import decimal
 import fractions
 import inspect
 import io
+import itertools
 import pathlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import EnumMeta
+from functools import cache
+from importlib.util import find_spec
 
 import cv2
 import numpy as np
@@ -46,10 +49,20 @@ def calls() -> Mapping[str, Call]:
     return {
         "estimate": Call(circlepose.estimate, _of_estimate),
         "estimate_from_contour": Call(circlepose.estimate_from_contour, _of_contour),
+        "estimate_from_ellipse": Call(circlepose.estimate_from_ellipse, _of_ellipse),
+        "explain": Call(_explained, _of_estimate),
+        "inspect": Call(circlepose.inspect, _of_inspect),
+        "measure": Call(_measured_files, _of_measure),
+        "read_image": Call(circlepose.read_image, lambda: {"path": str(_PHOTOGRAPH)}),
+        "draw_overlay": Call(circlepose.draw_overlay, _of_overlay),
+        "to_rows": Call(circlepose.to_rows, lambda: {"results": [_result()]}),
+        "to_dataframe": Call(_as_frame, lambda: {"results": [_result()]}),
         "Camera.create": Call(_measured_by, _of_camera),
         "Camera": Call(_measured_by_own, _of_own_camera),
         "CameraSigma": Call(CameraSigma, lambda: {"focal_px": 1.0, "center_px": 2.0}),
         "Target.circle": Call(_looked_for_circle, _of_circle),
+        "Target.rings": Call(Target.rings, _of_rings),
+        "Target.coaxial": Call(Target.coaxial, _of_coaxial),
         "Target": Call(_looked_for, _of_target),
         "AxisIntervals": Call(circlepose.AxisIntervals, lambda: {"major_px": (8.0, 60.0), "minor_px": (4.0, 60.0)}),
         "DirectionHint": Call(_hinted, lambda: {"direction": (0.0, 1.0, 0.0), "spread_deg": 10.0}),
@@ -300,6 +313,7 @@ _ODD: tuple[Callable[[], object], ...] = (
     lambda: DirectionHint((1e-9, 0.0, 0.0), 180.0),
 )  # fmt: skip
 
+_PHOTOGRAPH = pathlib.Path(__file__).parents[3] / "sample_images" / "cd" / "a.png"
 _SIZE = (64, 48)
 _MATRIX = ((60.0, 0.0, 31.5), (0.0, 60.0, 23.5), (0.0, 0.0, 1.0))
 
@@ -330,7 +344,44 @@ def _of_estimate() -> dict[str, object]:
 
 def _of_contour() -> dict[str, object]:
     contours, _ = cv2.findContours((_picture() < 120).astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-    return {"contour": contours[0], "camera": _camera(), "radius_mm": 20.0, "method": "chen-huang"}
+    return {
+        "contour": contours[0],
+        "camera": _camera(),
+        "radius_mm": 20.0,
+        "method": "chen-huang",
+        "image": _picture(),
+    }
+
+
+def _of_ellipse() -> dict[str, object]:
+    ellipse = circlepose.Ellipse.from_axes([30.0, 24.0], [17.0, 12.0], 0.35)
+    return {"ellipse": ellipse, "camera": _camera(), "radius_mm": 20.0, "method": "chen-huang"}
+
+
+def _of_inspect() -> dict[str, object]:
+    intervals = circlepose.AxisIntervals(major_px=(8.0, 60.0))
+    return {"image": _picture(), "intervals": intervals, "polarity": "dark", "rings": True}
+
+
+def _of_measure() -> dict[str, object]:
+    return {
+        "images": ["no such file.png"],
+        "camera": _camera(),
+        "target": Target.circle(20.0),
+        "recursive": False,
+        "method": "chen-huang",
+        "refine": True,
+        "scale_calibration": True,
+    }
+
+
+def _of_overlay() -> dict[str, object]:
+    return {"image": _picture(), "result": _result(), "camera": _camera()}
+
+
+@cache
+def _result() -> circlepose.ImageResult:
+    return circlepose.estimate(_picture(), _camera(), Target.circle(20.0), name="a")
 
 
 def _of_camera() -> dict[str, object]:
@@ -354,7 +405,20 @@ def _of_circle() -> dict[str, object]:
         "polarity": "any",
         "axis_intervals": circlepose.AxisIntervals(major_px=(8.0, 60.0)),
         "depth_range_mm": (1.0, 1000.0),
+        "same_plane": False,
+        "normal_hint": None,
+        "up_hint": None,
+        "facing": "left",
+        "radius_sigma_mm": 0.1,
     }
+
+
+def _of_rings() -> dict[str, object]:
+    return {"radii_mm": [20.0, 10.0], "count": 1, "polarity": "any", "flatness_sigma_mm": 0.1}
+
+
+def _of_coaxial() -> dict[str, object]:
+    return {"radii_mm": (20.0, 10.0), "height_mm": 5.0, "generatrix_mm": None, "count": 1, "radius_sigma_mm": 0.1}
 
 
 def _of_target() -> dict[str, object]:
@@ -384,6 +448,19 @@ def _measured_by_own(**arguments: object) -> object:
 
 def _looked_for_circle(**arguments: object) -> object:
     return circlepose.estimate(_picture(), _camera(), Target.circle(**arguments))
+
+
+def _as_frame(**arguments: object) -> object:
+    return circlepose.to_rows(**arguments) if find_spec("pandas") is None else circlepose.to_dataframe(**arguments)
+
+
+def _explained(**arguments: object) -> object:
+    return circlepose.explain(**arguments).result
+
+
+def _measured_files(**arguments: object) -> object:
+    """Measure files; of a stream of any length the first."""
+    return list(itertools.islice(circlepose.measure(**arguments), 3))
 
 
 def _looked_for(**arguments: object) -> object:

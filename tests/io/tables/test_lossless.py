@@ -119,7 +119,7 @@ def test_what_is_no_stored_result_is_refused(plain):
         ("cone", "elliptical"),
         ("cone.factor", [[1.0]]),
         ("cone.modes_covariance", [[math.nan] * 5] * 5),
-        ("cone_kind", "oval"),
+        ("cone.kind", "oval"),
     ],
 )
 def test_values_that_cannot_be_are_refused(path, value):
