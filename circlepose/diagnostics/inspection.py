@@ -56,6 +56,10 @@ def inspect(
     rings
         Whether to keep those inside others of the same center, too.
 
+    Returns
+    -------
+    The contours found, those rejected with the reason, and axis intervals that hold the typical ones.
+
     Raises
     ------
     ArgumentError

@@ -90,7 +90,7 @@ class _Pen:
 
 
 def draw_overlay(image: Image, result: ImageResult, camera: Camera) -> Image:
-    """Return a picture (height, width, 3), BGR uint8, of `result` over `image`.
+    """Draw `result` over `image`.
 
     Drawn for each circle are the contour in use, the fitted rim with its axes, the imaged centre, both
     candidates' normals (one radius long; the chosen one bold) and a caption of the numbers; above the image its
@@ -104,6 +104,10 @@ def draw_overlay(image: Image, result: ImageResult, camera: Camera) -> Image:
         What `estimate` returned for it.
     camera
         With which it was measured.
+
+    Returns
+    -------
+    The picture (height, width, 3), BGR uint8. It is higher than the image by its heading.
 
     Raises
     ------

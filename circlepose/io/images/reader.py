@@ -33,9 +33,18 @@ __all__ = ["IMAGE_SUFFIXES", "read_image", "write_image"]
 
 
 def read_image(path: str | os.PathLike[str] | RemoteFile) -> Image:
-    """Return the image as stored: (h, w) gray, (h, w, 3) BGR or (h, w, 4) BGRA, uint8 or uint16.
+    """Read one image file as it is stored.
 
     EXIF orientation is not applied: the calibration holds for the sensor's rows and columns.
+
+    Parameters
+    ----------
+    path
+        Of a file, or an object of a bucket.
+
+    Returns
+    -------
+    (h, w) gray, (h, w, 3) BGR or (h, w, 4) BGRA, uint8 or uint16.
 
     Raises
     ------

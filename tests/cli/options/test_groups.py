@@ -84,4 +84,4 @@ def test_choices_are_those_of_the_library(option, choices, capsys, monkeypatch):
 
 def test_target_options_have_the_names_of_the_fields_that_they_replace():
     replaced = {field.name for field in fields(CameraTargetOptions)} & {field.name for field in fields(Target)}
-    assert replaced == {"count", "polarity", "depth_range_mm", "coplanar", "facing", "radius_sigma_mm"}
+    assert replaced == {"count", "polarity", "depth_range_mm", "same_plane", "facing", "radius_sigma_mm"}
