@@ -21,7 +21,7 @@ from circlepose._numerics import STUDENT_FREEDOM, logistic, student_log_likeliho
 from circlepose._typing import FloatArray
 from circlepose.fitting.observations import rim_growth
 from circlepose.geometry.cone import plane_basis
-from circlepose.geometry.cone_perturbation import MODES, mode_shapes, pose_amounts, pose_derivatives
+from circlepose.geometry.cone_perturbation import MODES, mode_shapes, pose_coefficients, pose_derivatives
 
 RADIUS_SHARE = 2e-3
 """Standard deviation of another circle's radius, and of a height, relative to the largest circle."""
@@ -226,7 +226,7 @@ class RingProblem:
 
     def _away(self, pose: AxisPose, number: int) -> FloatArray:
         rim = self.rims[number]
-        return pose_amounts(rim.factor, *pose.circle(number), rim.radius) - rim.amounts
+        return pose_coefficients(rim.factor, *pose.circle(number), rim.radius) - rim.amounts
 
     def _cost(self, pose: AxisPose, told: Sequence[FloatArray]) -> float:
         cost = self._height_information * (pose.height - self.height) ** 2
