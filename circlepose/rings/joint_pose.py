@@ -126,8 +126,7 @@ def from_edges(
     `rays` (n, 3) of the edges and `jacobians` (n, 3, 2) = d ray / d pixel. Their errors are `scatter_px` from place
     to place, and `common_px` of all together.
     """
-    growth, per_px = rim_growth(factor, rays, jacobians)
-    local = rays @ np.linalg.inv(factor).T
+    local, growth, per_px = rim_growth(np.asarray(np.linalg.inv(factor)), rays, jacobians)
     slopes = mode_shapes(np.arctan2(local[:, 1], local[:, 0])) / per_px[:, None]
     distance = growth / per_px
     variance = scatter_px**2 * max(len(rays) / INDEPENDENT_EDGES, 1.0) + common_px**2 * len(rays)
