@@ -1,4 +1,4 @@
-"""How well points along part of an ellipse determine its axes: an arc leaves open how far the hidden rest reaches."""
+"""How well points along part of an ellipse determine its axes, and how sharply its rim bends."""
 
 from __future__ import annotations
 
@@ -9,10 +9,21 @@ from circlepose.geometry.ellipse import Ellipse
 
 
 def axis_errors(ellipse: Ellipse, points: FloatArray, error: float) -> FloatArray:
-    """Return the standard deviations (2,) of the semi-axes, major first, of an ellipse fitted to `points` (n, 2).
+    """Return the standard deviations of the semi-axes of an ellipse fitted to points.
 
-    Each point has an `error` across the rim of its own, in the plane's unit. Infinite where the points leave an
-    axis open.
+    Parameters
+    ----------
+    ellipse
+        A single one.
+    points
+        (n, 2) near its rim, in the same plane unit.
+    error
+        Standard deviation of each point across the rim, independent of the others, in that unit.
+
+    Returns
+    -------
+    (2,) in that unit, semi-major first: linear propagation through the least-squares fit of center, axes and angle.
+    Infinite where the points do not determine an axis.
     """
     cos, sin = np.cos(ellipse.angle), np.sin(ellipse.angle)
     offset = points - ellipse.center
@@ -21,7 +32,7 @@ def axis_errors(ellipse: Ellipse, points: FloatArray, error: float) -> FloatArra
     along, across = np.cos(eccentric), np.sin(eccentric)
     normal = np.stack([along * ellipse.semi_minor, across * ellipse.semi_major], axis=-1)
     normal = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
-    # How far the rim moves across itself with the centre, the semi-axes and the angle.
+    # The normal motion of the rim with the center, the semi-axes and the angle.
     turning = (
         -normal[:, 0] * ellipse.semi_minor * across + normal[:, 1] * ellipse.semi_major * along
     ) / ellipse.semi_major
@@ -33,9 +44,21 @@ def axis_errors(ellipse: Ellipse, points: FloatArray, error: float) -> FloatArra
     return np.asarray(error * np.sqrt(np.diag(covariance)[2:4]))
 
 
-def curvature_radius(ellipse: Ellipse, places: int) -> FloatArray:
-    """Return the radius of curvature (..., places) at points evenly spaced in the eccentric angle."""
-    eccentric = np.linspace(0.0, 2.0 * np.pi, places, endpoint=False)
+def curvature_radius(ellipse: Ellipse, samples: int) -> FloatArray:
+    """Return the radius of curvature along the rim.
+
+    Parameters
+    ----------
+    ellipse
+        (...) in any plane unit.
+    samples
+        Points along the rim, evenly spaced in the eccentric angle p.
+
+    Returns
+    -------
+    (..., samples) in that unit: |(a sin p, b cos p)|^3 / (a b).
+    """
+    eccentric = np.linspace(0.0, 2.0 * np.pi, samples, endpoint=False)
     major, minor = np.asarray(ellipse.semi_major)[..., None], np.asarray(ellipse.semi_minor)[..., None]
     speed = np.hypot(major * np.sin(eccentric), minor * np.cos(eccentric))
     return np.asarray(speed**3 / np.maximum(major * minor, 1e-12))

@@ -56,24 +56,8 @@ def rim_distance_px(factor: FloatArray, rays: FloatArray, jacobians: FloatArray)
     (..., n) px, positive outside the rim: f / |grad f| with f = |(y1, y2)| / y3 - 1, y = A^-1 x (Sampson, 1982, in
     the factor's coordinates). Each cone has a distance to each ray.
     """
-    growth, gradient = rim_growth(factor, rays, jacobians)
-    return np.asarray(growth / gradient)
-
-
-def rim_growth(factor: FloatArray, rays: FloatArray, jacobians: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return by how much the rim of a viewing cone must grow to meet each ray, and how that changes per px.
-
-    Parameters
-    ----------
-    factor, rays, jacobians
-        As for `rim_distance_px`.
-
-    Returns
-    -------
-    f (..., n), as a share of the rim's size, positive outside, and |grad f| (..., n), 1/px. The modes of
-    `geometry.cone_perturbation` are the harmonics of f.
-    """
-    return _growth(np.asarray(np.linalg.inv(factor))[..., None, :, :], rays, jacobians)
+    _, growth, per_px = rim_growth(np.asarray(np.linalg.inv(factor))[..., None, :, :], rays, jacobians)
+    return np.asarray(growth / per_px)
 
 
 def rim_distances_px(factors: FloatArray, owner: IntArray, rays: FloatArray, jacobians: FloatArray) -> FloatArray:
@@ -88,12 +72,27 @@ def rim_distances_px(factors: FloatArray, owner: IntArray, rays: FloatArray, jac
     rays, jacobians
         (n, 3) and (n, 3, 2), as for `rim_distance_px`.
     """
-    growth, gradient = _growth(np.asarray(np.linalg.inv(factors))[owner], rays, jacobians)
-    return np.asarray(growth / gradient)
+    _, growth, per_px = rim_growth(np.asarray(np.linalg.inv(factors))[owner], rays, jacobians)
+    return np.asarray(growth / per_px)
 
 
-def _growth(inverse: FloatArray, rays: FloatArray, jacobians: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return f and |grad f| (..., n) by the inverse factors (..., n, 3, 3), or one for all rays (..., 1, 3, 3)."""
+def rim_growth(
+    inverse: FloatArray, rays: FloatArray, jacobians: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return where rays lie about a cone's rim, in the factor's own coordinates y = A^-1 x.
+
+    Parameters
+    ----------
+    inverse
+        (3, 3) A^-1, (n, 3, 3) for a cone each, or (..., 1, 3, 3) for several cones and all rays.
+    rays, jacobians
+        (n, 3) and (n, 3, 2), as for `rim_distance_px`.
+
+    Returns
+    -------
+    The coordinates y (..., n, 3), the growth f (..., n), as a share of the rim's size, and its derivative |grad f|
+    (..., n) per px across the rim. The modes of `geometry.cone_perturbation` are the harmonics of f.
+    """
     y = (inverse @ rays[:, :, None])[..., 0]
     slopes = inverse @ jacobians
     y0, y1, y2 = y[..., 0], y[..., 1], y[..., 2]
@@ -101,4 +100,4 @@ def _growth(inverse: FloatArray, rays: FloatArray, jacobians: FloatArray) -> tup
     ratio = radius / y2
     along = (y0[..., None] * slopes[..., 0, :] + y1[..., None] * slopes[..., 1, :]) / (radius * y2)[..., None]
     gradient = along - (ratio / y2)[..., None] * slopes[..., 2, :]
-    return ratio - 1.0, np.hypot(gradient[..., 0], gradient[..., 1])
+    return y, ratio - 1.0, np.hypot(gradient[..., 0], gradient[..., 1])

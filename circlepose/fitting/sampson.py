@@ -1,19 +1,19 @@
 """Guaranteed ellipse fit: approximate maximum likelihood that cannot leave the ellipses.
 
 The fit that Fu & Zhou use: Szpak, Chojnacki & van den Hengel, Guaranteed ellipse fitting with a confidence region
-and an uncertainty measure for centre, axes, and orientation (2015). It minimises, by Levenberg-Marquardt,
+and an uncertainty measure for centre, axes, and orientation (2015). It minimizes, by Levenberg-Marquardt,
 
     sum w f(x)^2 / (g' S g),    g = grad f(x), S the covariance of point x
 
 the squared first-order (Sampson) distances in standard errors, over latent parameters that only ellipses have.
-Ours differ from theirs. In the frame in which the ellipse at hand is the unit circle, y'y = 1, the next one is
+The parameters differ from theirs. In the frame in which the current ellipse is the unit circle, y'y = 1, the next is
 
     y'(I - 2E) y - 2 t'y = 1,    E = [[e0 + e1, e2], [e2, e0 - e1]], I - 2E positive definite
 
-with *latent* parameters (t_x, t_y, e0, e1, e2): to first order the centre moves by t and the axes stretch by E,
-all relative to the axes, so size and place do not matter, and circles, where an angle is undetermined, are
-nothing special. Steps are straight in the conic's coefficients, as are the valleys of the cost for short arcs.
-And f = |y| - 1 instead of x'Cx: the same to first order, and closer to the true distance far from the rim.
+with *latent* parameters (t_x, t_y, e0, e1, e2): to first order the center moves by t and the axes grow by E,
+relative to the axes. So size and position do not matter, and circles, of which the angle is undetermined, are no
+special case. Steps are straight in the conic's coefficients, as are the valleys of the cost for short arcs. And
+f = |y| - 1 instead of x'Cx: the same to first order, and closer to the true distance far from the rim.
 """
 
 from __future__ import annotations
@@ -37,17 +37,21 @@ LATENT_CONICS = np.array(
         [[0.0, -2.0, 0.0], [-2.0, 0.0, 0.0], [0.0, 0.0, 0.0]],
     ]
 )
-"""(5, 3, 3) what each latent parameter adds to the conic diag(1, 1, -1) of the unit circle."""
+"""(5, 3, 3) the derivative of the conic diag(1, 1, -1) of the unit circle by each latent parameter."""
 _STEPS = 50
+"""Steps at most; empirical."""
 _DONE = 1e-7
-"""Latent step, a share of the axes, below which a fit has converged: far below what any noise leaves."""
+"""Latent step, a share of the axes, below which a fit has converged; far below any noise; numerical."""
 _NEAREST_PARABOLA = 0.9
-"""Share of the way to a parabola that one step may go."""
+"""Share of the way to a parabola that one step may go; numerical."""
 _FIRST_DAMPING = 1e-3
+"""Damping after the first step that fails; the start is undamped, as the direct fit is close; empirical."""
 _LAST_DAMPING = 1e8
+"""Damping at which the fit stops without convergence; numerical."""
 _ROUNDING = 1e-12
+"""Relative increase of the cost that is rounding; numerical."""
 _LONGEST = 1e3
-"""Semi-major axis, in extents of the points, from which the best ellipse is no better than a parabola."""
+"""Semi-major axis, in extents of the points, from which the best ellipse is no better than a parabola; numerical."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,11 +67,11 @@ class GuaranteedFit:
     latent_covariance: FloatArray
     """(5, 5) of the latent parameters, for t and E along the ellipse's major and minor axis; unit 1"""
     converged: bool
-    """False where no ellipse is best: the steps ran out, or went on towards a parabola"""
+    """False where there is no best ellipse: the steps ran out, or led towards a parabola"""
 
     @property
     def covariance(self) -> FloatArray:
-        """(5, 5) of centre x, y, semi-major, semi-minor (plane unit) and angle (rad), to first order.
+        """(5, 5) of center x, y, semi-major, semi-minor (plane unit) and angle (rad), to first order.
 
         Where the axes agree within their errors the angle is undetermined, its variance very large, and the
         latent covariance is the one to use.
@@ -78,19 +82,22 @@ class GuaranteedFit:
 def fit_guaranteed(
     points: FloatArray, weights: FloatArray | None = None, covariances: FloatArray | None = None
 ) -> GuaranteedFit | None:
-    """Fit an ellipse to `points` (n, 2), any plane unit, starting from the direct fit.
+    """Fit an ellipse by approximate maximum likelihood, starting from the direct fit.
 
     Parameters
     ----------
+    points
+        (n, 2) in any plane unit.
     weights
-        (n,) from 0 to 1: how much each point counts, for robust fits.
+        (n,) from 0 to 1, of the squared residuals, for robust fits; 1 by default.
     covariances
-        (n, 2, 2) of each point, symmetric and positive definite, up to a common factor; else equal, isotropic ones.
+        (n, 2, 2) of each point, symmetric and positive definite, up to a common factor; equal and isotropic by
+        default.
 
     Returns
     -------
-    The fit; its uncertainty is from the Fisher information, with the noise estimated from the residuals. None
-    when there are fewer than 6 points (of any weight), or they coincide or lie on a line.
+    The fit. Its uncertainty follows from the Fisher information, with the noise estimated from the residuals. None
+    with fewer than 6 points (of any weight), or where they coincide or lie on a line.
 
     Raises
     ------
@@ -126,14 +133,24 @@ def refine_ellipse(
     weights: FloatArray | None = None,
     steps: int = _STEPS,
 ) -> tuple[Ellipse, bool]:
-    """Refine the ellipse `start` to the least squared standardised distances of `points` (n, 2).
+    """Refine an ellipse to the least sum of squared Sampson distances in standard errors.
 
-    `covariances` (n, 2, 2) and `weights` (n,) as for `fit_guaranteed`. Returns the ellipse and whether it converged
-    within so many `steps`; it is never worse than `start`, which must be a proper ellipse.
+    Parameters
+    ----------
+    start
+        A single ellipse, not a segment.
+    points, covariances, weights
+        (n, 2), (n, 2, 2) and (n,), as for `fit_guaranteed`.
+    steps
+        Steps of Levenberg-Marquardt at most.
+
+    Returns
+    -------
+    The ellipse, never worse than `start`, and whether it converged.
     """
     linear, center = _frame(start)
     root = _roots(weights)
-    residual, jacobian = _standardised(linear, center, points, covariances, root)
+    residual, jacobian = _standardized(linear, center, points, covariances, root)
     cost = float(residual @ residual)
     damping, converged = 0.0, False
     for _ in range(steps):
@@ -148,7 +165,7 @@ def refine_ellipse(
         if float(np.max(np.abs(step))) < _DONE:
             linear, center, converged = trial_linear, trial_center, True
             break
-        trial = _standardised(trial_linear, trial_center, points, covariances, root)
+        trial = _standardized(trial_linear, trial_center, points, covariances, root)
         trial_cost = float(trial[0] @ trial[0])
         if trial_cost <= cost * (1.0 + _ROUNDING):
             linear, center, cost, (residual, jacobian) = trial_linear, trial_center, trial_cost, trial
@@ -167,13 +184,21 @@ def uncertainty(
     covariances: FloatArray | None = None,
     weights: FloatArray | None = None,
 ) -> tuple[float, FloatArray]:
-    """Return the noise, estimated from the residuals, and the covariance (5, 5) of the latent parameters.
+    """Return the noise, estimated from the residuals, and the covariance of the latent parameters.
 
-    Arguments as for `refine_ellipse`, of an ellipse refined by it, with weights that add up to more than 5; the
-    noise as in `GuaranteedFit`. To first order: too small where a short arc leaves the axes uncertain by more than
-    some 5 %.
+    Parameters
+    ----------
+    ellipse
+        The result of `refine_ellipse`.
+    points, covariances, weights
+        (n, 2), (n, 2, 2) and (n,), as for `fit_guaranteed`; the weights add up to more than 5.
+
+    Returns
+    -------
+    The noise, see `GuaranteedFit.noise`, and the covariance (5, 5), unit 1: the inverse Fisher information. It is of
+    first order, and too small where a short arc leaves the axes uncertain by more than some 5 %.
     """
-    residual, jacobian = _standardised(*_frame(ellipse), points, covariances, _roots(weights))
+    residual, jacobian = _standardized(*_frame(ellipse), points, covariances, _roots(weights))
     number = len(points) if weights is None else float(np.sum(weights))
     variance = float(residual @ residual) / (number - 5.0)
     # Through QR, which keeps more digits than J'J.
@@ -185,7 +210,19 @@ def uncertainty(
 
 
 def covariance_of_axes(ellipse: Ellipse, latent_covariance: FloatArray) -> FloatArray:
-    """Return the covariance (5, 5) of centre x, y, semi-major, semi-minor and angle (rad) from the latent one."""
+    """Return the covariance of an ellipse's parameters from that of the latent ones.
+
+    Parameters
+    ----------
+    ellipse
+        A single one, at which the latent parameters are taken.
+    latent_covariance
+        (5, 5), see `GuaranteedFit`.
+
+    Returns
+    -------
+    (5, 5) of center x, y, semi-major, semi-minor (plane unit) and angle (rad), to first order.
+    """
     a, b = float(ellipse.semi_major), float(ellipse.semi_minor)
     change = np.zeros((5, 5))
     change[:2, :2] = ellipse.factor[:2, :2]
@@ -222,7 +259,7 @@ def _moved(linear: FloatArray, center: FloatArray, step: FloatArray) -> tuple[Fl
     return linear @ root * math.sqrt(1.0 + float(half @ half)), center + linear @ (root @ half)
 
 
-def _standardised(
+def _standardized(
     linear: FloatArray,
     center: FloatArray,
     points: FloatArray,
@@ -240,7 +277,7 @@ def _standardised(
     """
     inverse = np.linalg.inv(linear)
     y = (points - center) @ inverse.T
-    # A point at the very centre has no direction; any does.
+    # A point at the center has no direction; any will do.
     rho = np.maximum(np.hypot(y[:, 0], y[:, 1]), 1e-12)
     unit = y / rho[:, None]
     c, s = unit[:, 0], unit[:, 1]

@@ -1,9 +1,9 @@
-"""A contour on a line: the viewing cone of a circle seen edge-on, a plane sector, which no ellipse fit gives.
+"""A contour on a line: the viewing cone of a circle seen edge-on is a plane sector, which no ellipse fit returns.
 
-Its rays lie in one plane through the camera. Where the contour has a width, however small, an ellipse is fitted with
-that width as the unit across it, which keeps the digits that one unit for both would lose: the cone is that of a
-sliver. Where the width is rounding or noise, the two extreme points are the ends of the sector, as in section III of
-Chen & Huang (1999). Pure NumPy.
+The rays of such a contour lie in one plane through the camera. Where the contour has a width, however small, an
+ellipse is fitted with that width as the unit across it: one unit for both directions would lose its digits. The cone
+is then that of a sliver. Where the width is rounding or noise, the two extreme points are the ends of the sector, as
+in section III of Chen & Huang (1999). Pure NumPy.
 """
 
 from __future__ import annotations
@@ -17,35 +17,47 @@ from circlepose.fitting.observations import Observations
 from circlepose.geometry.ellipse import rim_distance
 
 FLAT_PX = 0.35
-"""Half the width up to which a contour may be a segment: what is narrower is taken to be seen edge-on."""
+"""px; half the width up to which a contour may be a segment, that is seen edge-on; empirical."""
 _FLATTEST = 1e-4
-"""Axis ratio below which an ellipse fit loses its digits."""
+"""Axis ratio below which an ellipse fit in one unit loses its digits; numerical."""
 _LEAST_WIDTH = 1e-10
-"""The same, below which the width is rounding."""
+"""Axis ratio below which the width of a contour is rounding; numerical."""
 _RAGGED = 1e-3
-"""rms distance from the ellipse, in semi-minor axes, from which the width is noise and says nothing of the length."""
+"""rms distance from the ellipse over its semi-minor axis, from which the width is noise; empirical."""
 
 
 def is_flat(fit: ConeFit) -> bool:
-    """Tell whether a fitted cone is so flat that an ellipse fit in one unit has lost its digits."""
+    """Return whether a fitted cone is so flat that an ellipse fit in one unit has lost its digits.
+
+    By the ratio of the singular values of its factor, normed by the center.
+    """
     values = np.linalg.svd(fit.factor / np.linalg.norm(fit.factor[:, 2]), compute_uv=False)
     return bool(values[2] < _FLATTEST * values[1])
 
 
-def fit_flat_cone(seen: Observations) -> ConeFit | None:
-    """Fit the flat viewing cone of a closed contour whose rays lie in a plane; None where they do not, or are one.
+def fit_flat_cone(observations: Observations) -> ConeFit | None:
+    """Fit the flat viewing cone of a closed contour whose rays lie in a plane.
 
-    Its residuals are the distances from the plane, in px.
+    Parameters
+    ----------
+    observations
+        The n contour points with their rays.
+
+    Returns
+    -------
+    The cone, in the camera frame; its second column is 0 where it is a plane sector. The residuals are the distances
+    from the plane or the sliver, px. None where the rays do not lie in a plane, or all in one direction. After Chen &
+    Huang (1999), section III.
     """
-    rays = seen.rays
+    rays = observations.rays
     if len(rays) < 2 or not np.all(np.isfinite(rays)):
         return None
     w = rays.sum(axis=0)
     w = w / np.linalg.norm(w)
     along = np.linalg.svd(rays - (rays @ w)[:, None] * w, full_matrices=False)[2][0]
     across = np.linalg.svd(rays, full_matrices=False)[2][-1]
-    # A round contour has no such plane.
-    px = np.linalg.norm(np.einsum("nij,i->nj", seen.jacobians, across), axis=1)
+    # The rays of a round contour do not lie in a plane.
+    px = np.linalg.norm(np.einsum("nij,i->nj", observations.jacobians, across), axis=1)
     residuals = (rays @ across) / np.maximum(px, 1e-300)
     if float(np.abs(residuals).max()) > FLAT_PX:
         return None
@@ -62,9 +74,9 @@ def fit_flat_cone(seen: Observations) -> ConeFit | None:
 
 
 def _sliver(rays: FloatArray, sector: FloatArray) -> tuple[FloatArray, FloatArray] | None:
-    """Return the factor (3, 3) of the sliver that a contour with a width is, and its distances (n,) from it, in rad.
+    """Return the factor (3, 3) of the sliver fitted to a contour with a width, and the distances (n,) from it, rad.
 
-    None where the width is rounding, or noise.
+    None where the width is rounding or noise.
     """
     local = rays @ np.linalg.inv(sector).T
     plane = local[:, :2] / local[:, 2:]
@@ -78,12 +90,12 @@ def _sliver(rays: FloatArray, sector: FloatArray) -> tuple[FloatArray, FloatArra
     distance = rim_distance(ellipse[None], plane[None])[0]
     if float(np.sqrt(np.mean(distance**2))) > _RAGGED:
         return None
-    # Errors along the sliver hardly show, so the distances are those across it.
+    # Errors along the sliver hardly matter, so the distances are those across it.
     return sector @ np.diag([1.0, width, 1.0]) @ ellipse.factor, width * distance
 
 
 def _sector(first: FloatArray, last: FloatArray, across: FloatArray) -> FloatArray:
-    """Return a factor (3, 3) of the plane sector between two rays. Its second column is `across`, for a basis."""
+    """Return a factor (3, 3) of the plane sector between two rays. Its second column is `across`."""
     first, last = (end - (end @ across) * across for end in (first, last))
     first, last = first / np.linalg.norm(first), last / np.linalg.norm(last)
     w = first + last

@@ -1,7 +1,7 @@
 """The viewing cone of a circle: from a circle or an image ellipse to its principal frame. Pure NumPy.
 
 A cone is held by a factor `A`, shape (..., 3, 3): its rays are `A (cos p, sin p, 1)`. For a circle the
-columns are two perpendicular radii and the centre; for an ellipse in a plane, its semi-axes and centre.
+columns are two perpendicular radii and the center; for an ellipse in a plane, its semi-axes and center.
 The factor, unlike the matrix `Q` of `x'Qx = 0`, keeps its meaning and precision when the cone flattens
 to a plane sector (a circle seen edge-on): then `Q` loses the apex angle, the factor does not.
 """
@@ -19,9 +19,9 @@ from circlepose._typing import FloatArray
 SIGNATURE = np.array([1.0, 1.0, -1.0])
 
 RIGHT_TOLERANCE = 1e-14
-"""Relative (s^2 - t^2) below which two apex angles are equal as far as float64 can tell."""
+"""Relative (s^2 - t^2) below which two apex angles are equal in float64; numerical."""
 DEGENERATE_TOLERANCE = 1e-9
-"""t/s below which a cone is flat: at 1 m, a 60 mm circle is then within 1e-7 deg of edge-on."""
+"""t/s below which a cone is degenerate: at 1 m, a 60 mm circle is then within 1e-7 deg of edge-on; numerical."""
 _NO_TILT = 1e-15
 """rad; a tilt that rounding may make."""
 
@@ -61,7 +61,17 @@ class PrincipalFrame:
 
 
 def factor_from_circle(center: FloatArray, normal: FloatArray, radius: FloatArray | float) -> FloatArray:
-    """Return the factor (..., 3, 3) of the cone of a circle: `center` (..., 3), unit `normal` (..., 3), `radius`."""
+    """Return the factors of the viewing cones of circles.
+
+    Parameters
+    ----------
+    center, normal, radius
+        (..., 3), unit (..., 3) and (...), in the camera frame and one length unit.
+
+    Returns
+    -------
+    (..., 3, 3) two perpendicular radii and the center as columns.
+    """
     n = np.asarray(normal, dtype=np.float64)
     c = np.asarray(center, dtype=np.float64)
     first, second = plane_basis(n)
@@ -70,7 +80,17 @@ def factor_from_circle(center: FloatArray, normal: FloatArray, radius: FloatArra
 
 
 def plane_basis(normal: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return two unit vectors (..., 3) that complete unit `normal` (..., 3) to a right-handed frame."""
+    """Return two unit vectors that complete a normal to a right-handed frame.
+
+    Parameters
+    ----------
+    normal
+        (..., 3) unit length.
+
+    Returns
+    -------
+    The first and the second vector, (..., 3) each; first x second = normal.
+    """
     n = np.asarray(normal, dtype=np.float64)
     # The axis least parallel to the normal keeps the cross product long.
     helper = np.eye(3)[np.argmin(np.abs(n), axis=-1)]
@@ -99,9 +119,17 @@ def circle_frame(normal: FloatArray) -> FloatArray:
 
 
 def cone_from_circle(center: FloatArray, normal: FloatArray, radius: FloatArray | float) -> FloatArray:
-    """Return `Q` (..., 3, 3) of a circle's cone: d^2 I - d (n c' + c n') + (c.c - R^2) n n', with d = n.c.
+    """Return the matrices of the viewing cones of circles.
 
-    A ray x is on the rim when x'Qx = 0 and inside when it is negative. Length unit squared.
+    Parameters
+    ----------
+    center, normal, radius
+        (..., 3), unit (..., 3) and (...), in the camera frame and one length unit.
+
+    Returns
+    -------
+    (..., 3, 3) Q = d^2 I - d (n c' + c n') + (c.c - R^2) n n' with d = n.c, length unit squared. A ray x is on the
+    rim where x'Qx = 0, inside where it is negative.
     """
     c, n = np.asarray(center, dtype=np.float64), np.asarray(normal, dtype=np.float64)
     r = np.asarray(radius, dtype=np.float64)
@@ -112,23 +140,50 @@ def cone_from_circle(center: FloatArray, normal: FloatArray, radius: FloatArray 
 
 
 def cone_from_factor(factor: FloatArray) -> FloatArray:
-    """Return `Q` (..., 3, 3) of a cone given by its `factor` (..., 3, 3), which is not flat."""
+    """Return the matrices of cones given by their factors.
+
+    Parameters
+    ----------
+    factor
+        (..., 3, 3) A, not flat.
+
+    Returns
+    -------
+    (..., 3, 3) Q = A^-T diag(1, 1, -1) A^-1.
+    """
     inverse = np.linalg.inv(factor)
     return np.asarray(np.swapaxes(inverse, -1, -2) @ (SIGNATURE[:, None] * inverse))
 
 
 def dual_cone(factor: FloatArray) -> FloatArray:
-    """Return the dual cone Q* = A diag(1, 1, -1) A' (..., 3, 3); of a circle R^2 (I - n n') - c c'."""
+    """Return the dual cones of cones given by their factors.
+
+    Parameters
+    ----------
+    factor
+        (..., 3, 3) A, also flat.
+
+    Returns
+    -------
+    (..., 3, 3) Q* = A diag(1, 1, -1) A'; of a circle R^2 (I - n n') - c c'.
+    """
     return (factor * SIGNATURE) @ np.swapaxes(factor, -1, -2)
 
 
 def factor_from_cone(cone: FloatArray) -> FloatArray:
-    """Return a factor (..., 3, 3) of an elliptical cone given as `Q` (..., 3, 3), any scale and sign.
+    """Return factors of elliptical cones given by their matrices.
 
-    Of the double cone that Q describes, the half whose axis has z > 0 is taken.
+    Parameters
+    ----------
+    cone
+        (..., 3, 3) Q, any scale and sign.
+
+    Returns
+    -------
+    (..., 3, 3) of the half of the double cone whose axis has z > 0.
     """
     q = np.asarray(cone, dtype=np.float64)
-    # A cone has the signature (+, +, -), so its determinant is negative: that settles the sign of Q.
+    # A cone has the signature (+, +, -), so its determinant is negative: that determines the sign of Q.
     q = q * np.where(np.linalg.det(q) > 0.0, -1.0, 1.0)[..., None, None]
     eigenvalues, vectors = np.linalg.eigh(q)
     factor = vectors[..., [2, 1, 0]] / np.sqrt(np.abs(eigenvalues[..., None, [2, 1, 0]]))
@@ -136,18 +191,29 @@ def factor_from_cone(cone: FloatArray) -> FloatArray:
 
 
 def principal_frame(factor: FloatArray) -> PrincipalFrame:
-    """Return the principal frame of the cone with `factor` (..., 3, 3).
+    """Return the principal frames of cones (Chen & Huang, section II).
 
+    Parameters
+    ----------
+    factor
+        (..., 3, 3) in the camera frame, any length unit.
+
+    Returns
+    -------
+    The axes u, v, w and the tangents of both half apex angles.
+
+    Notes
+    -----
     The eigenvalues of the dual cone are, up to scale, s^2, t^2 and -1 on u, v and w. A first decomposition
     gives the axis w; a second, of the 2 x 2 block across it, keeps the relative precision of s^2 and t^2,
-    which are small beside 1. Close to edge-on t^2 drowns in rounding all the same and is taken from the
+    which are small compared with 1. Close to edge-on t^2 is lost in rounding all the same and is taken from the
     determinant, the product of the three, which the factor gives to full relative precision.
     """
     a = np.asarray(factor, dtype=np.float64)
     a = a / np.linalg.norm(a[..., :, 2], axis=-1)[..., None, None]
     _, vectors = np.linalg.eigh(dual_cone(a))
     w = vectors[..., :, 0]
-    # The cone that is meant is the half on the side of its own centre ray.
+    # Of the double cone the half on the side of its own center ray.
     w = w * np.where(np.einsum("...i,...i->...", w, a[..., :, 2]) < 0.0, -1.0, 1.0)[..., None]
     across = vectors[..., :, 1:]
     block = dual_cone(np.swapaxes(np.concatenate([across, w[..., None]], axis=-1), -1, -2) @ a)
@@ -167,6 +233,16 @@ def principal_frame(factor: FloatArray) -> PrincipalFrame:
 
 
 def cone_kinds(frame: PrincipalFrame) -> np.ndarray[tuple[int, ...], np.dtype[np.str_]]:
-    """Return the kind of each cone, shape (...), as the values of `ConeKind`."""
+    """Return the viewing condition of each cone.
+
+    Parameters
+    ----------
+    frame
+        (...) principal frames.
+
+    Returns
+    -------
+    (...) the values of `ConeKind`.
+    """
     kinds = np.where(frame.is_right, ConeKind.RIGHT.value, ConeKind.ELLIPTICAL.value)
     return np.where(frame.is_degenerate, ConeKind.DEGENERATE.value, kinds)

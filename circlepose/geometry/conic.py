@@ -14,11 +14,29 @@ from circlepose.errors import ArgumentError
 from circlepose.geometry.ellipse import Ellipse
 
 _FLATTEST = 1e-7
-"""Axis ratio below which a matrix in float64 does not tell an ellipse from a pair of lines."""
+"""Axis ratio below which a matrix in float64 does not distinguish an ellipse from a pair of lines; numerical.
+
+Other limits of flatness differ by purpose: a factor keeps its digits where a conic's matrix does not
+(`cone.DEGENERATE_TOLERANCE`), and an ellipse fit loses them sooner (`fitting.segment_cone`)."""
 
 
 def conic_from_ellipse(ellipse: Ellipse) -> FloatArray:
-    """Return the conic (..., 3, 3) of a proper ellipse: negative inside, scaled so that F = -1 at the centre."""
+    """Return the conics of ellipses.
+
+    Parameters
+    ----------
+    ellipse
+        (...) not segments.
+
+    Returns
+    -------
+    (..., 3, 3) C, with x'Cx negative inside and -1 at the center.
+
+    Raises
+    ------
+    ArgumentError
+        When an ellipse is a segment.
+    """
     if np.any(ellipse.semi_minor <= 0.0):
         raise ArgumentError("ellipse: a segment (semi_minor 0) has no conic; use its factor or its dual.")
     inverse = np.linalg.inv(ellipse.factor)
@@ -26,7 +44,17 @@ def conic_from_ellipse(ellipse: Ellipse) -> FloatArray:
 
 
 def is_ellipse(conic: FloatArray) -> BoolArray:
-    """Tell, shape (...), whether `conic` (..., 3, 3) is a real, non-degenerate ellipse."""
+    """Return whether each conic is a real, non-degenerate ellipse.
+
+    Parameters
+    ----------
+    conic
+        (..., 3, 3) any scale.
+
+    Returns
+    -------
+    (...) by the signs of the determinants, with a margin for rounding.
+    """
     c = np.asarray(conic, dtype=np.float64)
     minor = c[..., 0, 0] * c[..., 1, 1] - c[..., 0, 1] ** 2
     trace = c[..., 0, 0] + c[..., 1, 1]
@@ -35,12 +63,21 @@ def is_ellipse(conic: FloatArray) -> BoolArray:
 
 
 def ellipse_from_conic(conic: FloatArray) -> Ellipse:
-    """Return centre, semi-axes and angle of `conic` (..., 3, 3).
+    """Return the ellipses of conics.
+
+    Parameters
+    ----------
+    conic
+        (..., 3, 3) any scale and sign.
+
+    Returns
+    -------
+    (...) center, semi-axes and angle, from the eigenvalues of the quadratic part.
 
     Raises
     ------
     ArgumentError
-        When a conic is no real ellipse; ask `is_ellipse` first where that can happen.
+        When a conic is not a real ellipse; call `is_ellipse` first where that can happen.
     """
     c = np.asarray(conic, dtype=np.float64)
     if not np.all(is_ellipse(c)):
@@ -60,17 +97,51 @@ def ellipse_from_conic(conic: FloatArray) -> Ellipse:
 
 
 def polar(conic: FloatArray, point: FloatArray) -> FloatArray:
-    """Return the polar line (..., 3) of a homogeneous `point` (..., 3): l = C x (Fu & Zhou, section 2.2)."""
+    """Return the polar line of a point: l = C x (Fu & Zhou, section 2.2).
+
+    Parameters
+    ----------
+    conic
+        (..., 3, 3).
+    point
+        (..., 3) homogeneous.
+
+    Returns
+    -------
+    (..., 3) the line l, with l'x = 0 for its points x.
+    """
     return np.einsum("...ij,...j->...i", conic, point)
 
 
 def pole(conic: FloatArray, line: FloatArray) -> FloatArray:
-    """Return the pole (..., 3), homogeneous, of a `line` (..., 3): the inverse of `polar`."""
+    """Return the pole of a line: the inverse of `polar`.
+
+    Parameters
+    ----------
+    conic
+        (..., 3, 3).
+    line
+        (..., 3).
+
+    Returns
+    -------
+    (..., 3) the point, homogeneous.
+    """
     return polar(dual(conic), line)
 
 
 def dual(conic: FloatArray) -> FloatArray:
-    """Return the dual conic (..., 3, 3), the adjugate: a line l touches the conic when l' C* l = 0."""
+    """Return the dual conic, the adjugate: a line l touches the conic when l' C* l = 0.
+
+    Parameters
+    ----------
+    conic
+        (..., 3, 3).
+
+    Returns
+    -------
+    (..., 3, 3).
+    """
     c = np.asarray(conic, dtype=np.float64)
     rows = np.stack(
         [
@@ -84,13 +155,37 @@ def dual(conic: FloatArray) -> FloatArray:
 
 
 def transform_conic(conic: FloatArray, homography: FloatArray) -> FloatArray:
-    """Return the conic of the points `H x`: H^-T C H^-1, for `homography` (..., 3, 3)."""
+    """Return the conic of the points H x: H^-T C H^-1.
+
+    Parameters
+    ----------
+    conic
+        (..., 3, 3) C.
+    homography
+        (..., 3, 3) H.
+
+    Returns
+    -------
+    (..., 3, 3).
+    """
     inverse = np.linalg.inv(homography)
     return np.swapaxes(inverse, -1, -2) @ conic @ inverse
 
 
 def sampson_distance(conic: FloatArray, points: FloatArray) -> FloatArray:
-    """Return the first-order signed distance (..., n) of `points` (..., n, 2), positive where x'Cx is."""
+    """Return the first-order distances of points to a conic (Sampson, 1982).
+
+    Parameters
+    ----------
+    conic
+        (..., 3, 3).
+    points
+        (..., n, 2).
+
+    Returns
+    -------
+    (..., n) x'Cx / |grad x'Cx|, with the sign of x'Cx.
+    """
     homogeneous = np.concatenate([points, np.ones_like(points[..., :1])], axis=-1)
     lines = np.einsum("...ij,...nj->...ni", conic, homogeneous)
     value = np.einsum("...ni,...ni->...n", homogeneous, lines)

@@ -35,7 +35,22 @@ class Ellipse:
 
     @classmethod
     def from_axes(cls, center: object, semi_axes: object, angle: object) -> Self:
-        """Build from `center` (..., 2), `semi_axes` (..., 2) in either order and the `angle` of the first (rad)."""
+        """Build from a center, two semi-axes in either order, and the direction of the first.
+
+        Parameters
+        ----------
+        center
+            (..., 2) in the plane's unit.
+        semi_axes
+            (..., 2) in the plane's unit, not negative.
+        angle
+            (...) rad, of the first semi-axis, from the x axis towards the y axis.
+
+        Raises
+        ------
+        ArgumentError
+            On another shape, a negative length, or what is not a finite number.
+        """
         center_, axes, angle_ = (
             _numbers(name, values)
             for name, values in (("center", center), ("semi_axes", semi_axes), ("angle", angle))
@@ -68,14 +83,21 @@ class Ellipse:
 
     @classmethod
     def from_factor(cls, factor: FloatArray) -> tuple[Self, BoolArray]:
-        """Return the ellipses of the points `A (cos p, sin p, 1)`, homogeneous, with `factor` A (..., 3, 3).
+        """Return the ellipses in which cones, given by factors, meet the plane z = 1.
 
-        And which (...) are ellipses: the others are hyperbolas or have points at infinity.
+        Parameters
+        ----------
+        factor
+            (..., 3, 3) A, with the homogeneous points A (cos p, sin p, 1).
+
+        Returns
+        -------
+        The ellipses (...), and which are ellipses (...): the others are hyperbolas or have points at infinity.
         """
         depth = factor[..., 2, :]
         found = np.hypot(depth[..., 0], depth[..., 1]) < depth[..., 2]
         depth = np.where(found[..., None], depth, np.array([0.0, 0.0, 1.0]))
-        # Seen from near the centre, or the axes would drown in its square.
+        # Relative to a point near the center: its square would take the digits of the axes.
         origin = factor[..., :2, 2] / depth[..., 2:]
         x, y = (factor[..., i, :] - origin[..., i, None] * depth for i in (0, 1))
 
@@ -108,7 +130,7 @@ class Ellipse:
         return len(self.semi_major)
 
     def enlarged(self, scale: FloatArray, origin: FloatArray) -> Self:
-        """Return the ellipses (m,) in a plane whose unit is `scale` (m,) times less, seen from `origin` (m, 2)."""
+        """Return the ellipses (m,) times `scale` (m,), then moved by `origin` (m, 2)."""
         return type(self)(
             self.center * scale[:, None] + origin, self.semi_major * scale, self.semi_minor * scale, self.angle
         )
@@ -117,7 +139,7 @@ class Ellipse:
     def factor(self) -> FloatArray:
         """Matrix `A`, shape (..., 3, 3), with the points `A (cos p, sin p, 1)` on the ellipse.
 
-        Its columns are the semi-major axis, the semi-minor axis and the centre, homogeneous. Unlike the
+        Its columns are the semi-major axis, the semi-minor axis and the center, homogeneous. Unlike the
         conic's matrix it stays meaningful, and well conditioned, for a segment (`semi_minor` 0).
         """
         cos, sin = np.cos(self.angle), np.sin(self.angle)
@@ -153,9 +175,18 @@ def unit_circle(number: int) -> FloatArray:
 
 
 def own_normals(ellipse: Ellipse, number: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return x and y (m, number) of the outward unit normals of m ellipses' rims, in the ellipses' own axes.
+    """Return the outward unit normals of ellipses' rims, in the ellipses' own axes.
 
-    At `number` points as of `Ellipse.points`, at eccentric angles p. And 1 / |(b cos p, a sin p)|.
+    Parameters
+    ----------
+    ellipse
+        (m,) with semi-axes a, b.
+    number
+        Points along each rim, at the eccentric angles p of `Ellipse.points`.
+
+    Returns
+    -------
+    x and y (m, number) of the normals, and 1 / |(b cos p, a sin p)| (m, number), per plane unit.
     """
     unit_x, unit_y = unit_circle(number)
     x, y = ellipse.semi_minor[:, None] * unit_x, ellipse.semi_major[:, None] * unit_y
@@ -170,10 +201,19 @@ def wrap_half_turn(angle: FloatArray) -> FloatArray:
 
 
 def rim_distance(ellipse: Ellipse, points: FloatArray) -> FloatArray:
-    """Return the first-order signed distance (..., n) of `points` (..., n, 2) to the rim, negative inside.
+    """Return the first-order signed distances of points to the rim.
 
-    Of |(x/a, y/b)| - 1 in the ellipse's own axes, which is nearly linear across the rim, and as precise far
-    from the origin as close to it.
+    Parameters
+    ----------
+    ellipse
+        (...) with semi-axes that are not 0.
+    points
+        (..., n, 2) in the same plane unit.
+
+    Returns
+    -------
+    (..., n) in the plane's unit, negative inside: f / |grad f| with f = |(x/a, y/b)| - 1 in the ellipse's own axes.
+    f is nearly linear across the rim, and as precise far from the origin as close to it.
     """
     offset = points - ellipse.center[..., None, :]
     cos, sin = np.cos(ellipse.angle)[..., None], np.sin(ellipse.angle)[..., None]
@@ -182,13 +222,26 @@ def rim_distance(ellipse: Ellipse, points: FloatArray) -> FloatArray:
     y = (cos * offset[..., 1] - sin * offset[..., 0]) / b
     # Three times faster than `np.hypot`, and nothing here is large or small enough to need that.
     radius, slope = np.sqrt(x * x + y * y), np.sqrt((x / a) ** 2 + (y / b) ** 2)
-    # At the very centre the distance is that to the nearer vertex.
+    # At the center itself the distance is that to the nearer vertex.
     return np.where(radius > 1e-9, (radius - 1.0) * radius / np.maximum(slope, 1e-300), -b)
 
 
 def signed_distance(ellipse: Ellipse, points: FloatArray) -> FloatArray:
-    """Return the exact signed distance (..., n) of `points` (..., n, 2) to the rim, negative inside.
+    """Return the exact signed distances of points to the rim.
 
+    Parameters
+    ----------
+    ellipse
+        (...) also segments.
+    points
+        (..., n, 2) in the same plane unit.
+
+    Returns
+    -------
+    (..., n) in the plane's unit, negative inside.
+
+    Notes
+    -----
     The nearest rim point of (p, q), folded into the first quadrant, is (a^2 p/(t + a^2 - b^2), b^2 q/t), with t
     the largest root of (a p/(t + a^2 - b^2))^2 + (b q/t)^2 = 1. That function is convex and falling, so Newton's
     iteration from its left climbs to the root without overshooting.

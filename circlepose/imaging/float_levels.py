@@ -1,8 +1,8 @@
-"""A floating image in units of its own quantization, so that neither its gain nor its offset counts.
+"""A floating image in units of its own quantization, so that neither its gain nor its offset matters.
 
-The fits know the noise of rounding to whole levels, 1/12 of a level squared, as 8 and 16 bit images have it. A
-floating image is therefore divided by the smallest step between its levels: that of the 8 bit image that it is a
-copy of, say, whatever it was divided by.
+The fits assume the noise of rounding to whole levels, 1/12 of a level squared, as 8 and 16 bit images have it. So a
+floating image is divided by the smallest step between its levels: for a scaled copy of an 8 bit image, that is the
+step of the original.
 """
 
 from __future__ import annotations
@@ -14,14 +14,15 @@ from circlepose._typing import FloatArray, Image
 from circlepose.errors import ArgumentError
 
 _SAMPLES = 1 << 16
+"""Pixels from which the step is estimated; cost."""
 _MOST_STEPS = 65_535
-"""The usual range of levels has at most so many steps, as a 16 bit image has."""
+"""Steps in the usual range of levels at most, as in a 16 bit image; numerical."""
 _USUAL = (1.0, 50.0, 99.0)
-"""Percentiles between which the usual range lies, and its middle: a hot pixel does not stretch it."""
+"""Percentiles of the usual range, with its middle: a hot pixel does not stretch it; empirical."""
 _ROUNDING = 2.0
-"""Levels nearer to each other than this many machine epsilons are one level."""
+"""Machine epsilons; levels closer than this are one level; numerical."""
 _FARTHEST = 2.0**22
-"""Steps from the median beyond which a level is cut: float32 holds these to half a step."""
+"""Steps from the median beyond which a level is clipped: float32 holds these to half a step; numerical."""
 
 
 def in_steps(image: Image) -> Image:
@@ -68,7 +69,7 @@ def without_gaps(grey: Image) -> Image:
 
 
 def _sample(image: Image, finite: Image) -> FloatArray:
-    """Return finite levels (n,) of pixels that cover the image evenly; all of them where those are alike."""
+    """Return finite levels (n,) of pixels that cover the image evenly; all of them where these are equal."""
     flat = np.linspace(0, image.size - 1, min(_SAMPLES, image.size)).astype(np.int64)
     some = image.ravel()[flat][finite.ravel()[flat]]
     if len(some) == 0 or np.min(some) == np.max(some):
@@ -79,7 +80,7 @@ def _sample(image: Image, finite: Image) -> FloatArray:
 
 
 def _step(sample: FloatArray, epsilon: float) -> float:
-    """Return the least step between different levels of `sample` (n,), within (-1, 1); 1 where there is none."""
+    """Return the least step between different levels of `sample` (n,), within (-1, 1); 1 with a single level."""
     levels = np.unique(sample)
     gaps = np.diff(levels)
     gaps = gaps[gaps > _ROUNDING * epsilon]

@@ -1,4 +1,4 @@
-"""Any image as a grey one."""
+"""Any image -> a gray one."""
 
 from __future__ import annotations
 
@@ -11,20 +11,27 @@ from circlepose.errors import ArgumentError
 from circlepose.imaging.float_levels import in_steps, without_gaps
 
 _LOW_RANGE = 32
-"""An 8 bit image whose levels span less is stretched before its edges are looked for."""
+"""Levels; an 8 bit image that spans fewer is stretched before its edges are sought; empirical."""
 _FLOATS = (np.float16, np.float32, np.float64)
 
 
 def to_grey(image: Image) -> Image:
-    """Return `image` as (h, w) grey levels of its own depth (uint8, uint16 or float32).
+    """Return an image as gray levels of its own depth.
 
-    Color is BGR, weighted as OpenCV does; an alpha channel is dropped. Booleans become 0 and 255. Floating levels
-    are counted in steps of their own, see `float_levels`; NaN where a pixel is not finite.
+    Parameters
+    ----------
+    image
+        (h, w), (h, w, 3) BGR or (h, w, 4) BGRA of uint8, uint16, floating levels or booleans.
+
+    Returns
+    -------
+    (h, w) uint8, uint16 or float32. Color is weighted as OpenCV does; an alpha channel is dropped. Booleans become 0
+    and 255. Floating levels are in steps of their own, see `float_levels`; NaN where a pixel is not finite.
 
     Raises
     ------
     ArgumentError
-        When the array is no image: wrong number of dimensions or channels, empty, of another type, or without any
+        When the array is not an image: wrong number of dimensions or channels, empty, of another type, or without a
         finite level.
     """
     array = _array(image)
@@ -48,7 +55,7 @@ def to_grey(image: Image) -> Image:
 
 
 def eight_bit(grey: Image) -> Image:
-    """Return `grey` (h, w) as uint8, its used range stretched when it holds more than 8 bits, or uses few of them."""
+    """Return `grey` (h, w) as uint8; its range is stretched where it has more than 8 bits, or uses few of them."""
     is_narrow = has_low_range(grey)
     if grey.dtype == np.uint8 and not is_narrow:
         return grey
@@ -62,7 +69,7 @@ def eight_bit(grey: Image) -> Image:
 
 
 def has_low_range(grey: Image) -> bool:
-    """Whether `grey` (h, w) is of 8 bit and its levels span few of them: rounding of levels between pixels counts."""
+    """Return whether `grey` (h, w) has 8 bits and uses few of them, so that rounding between pixels matters."""
     if grey.dtype != np.uint8:
         return False
     low, high, _, _ = cv2.minMaxLoc(grey)

@@ -1,4 +1,4 @@
-"""A predicted rim -> the edge along it, to sub-pixel, on grey profiles across it. Many rims at once."""
+"""A predicted rim -> the edges along it, to sub-pixel, on gray profiles across it. Many rims at once."""
 
 from __future__ import annotations
 
@@ -12,34 +12,50 @@ from circlepose._typing import BoolArray, FloatArray, Image, RealArray
 from circlepose.geometry.ellipse import Ellipse, own_normals
 
 _STEP_PX = 0.5
+"""px; spacing of the samples of a profile; empirical."""
 _DIFFERENCE_VARIANCE = 1.0 / 12.0
-"""px^2 that differencing over 1 px adds to the spread of the gradient along a profile."""
+"""px^2; variance that differencing over 1 px adds to the gradient along a profile; exact."""
 _HALF_WINDOW = 4
-"""Steps on either side of the steepest point over which the gradient's centroid is taken: 2 px."""
+"""Steps on either side of the steepest point over which the gradient's centroid is taken: 2 px; empirical."""
+_LEAST_STEP_SHARE = 0.35
+"""Least height of an edge, over the median height along its rim; empirical."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RimEdges:
-    """Edges found along m rims, k places each."""
+    """Edges located along m rims, at k samples each."""
 
     points: FloatArray
     """(m, k, 2) px, sub-pixel; arbitrary where not valid"""
     offset_px: FloatArray
     """(m, k) from the predicted rim, positive outwards"""
     step: FloatArray
-    """(m, k) grey levels, outside minus inside"""
+    """(m, k) gray levels, outside minus inside"""
     valid: BoolArray
-    """(m, k) an edge of the rim's own sign stands here, inside the image and well within the reach"""
+    """(m, k) whether there is an edge with the sign of the rim, inside the image and within the half-width"""
     polarity: FloatArray
     """(m,) +1 the inside is darker, -1 it is brighter"""
 
     def __getitem__(self, which: BoolArray | list[int]) -> Self:
-        """Return the rims of the batch that `which`, a mask (m,) or indices, names."""
+        """Return the rims that `which`, a mask (m,) or indices, selects."""
         return type(self)(*(getattr(self, field.name)[which] for field in fields(self)))
 
 
 def ellipse_rim(ellipse: Ellipse, number: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return rim points (m, number, 2) of m ellipses, their outward unit normals, and their curvature (m, number)."""
+    """Return points along the rims of ellipses, with their normals and curvature.
+
+    Parameters
+    ----------
+    ellipse
+        (m,) px.
+    number
+        Points along each rim.
+
+    Returns
+    -------
+    Points (m, number, 2), px, outward unit normals (m, number, 2), and curvature (m, number), 1/px: a b / |(b cos p,
+    a sin p)|^3.
+    """
     normal_x, normal_y, per_norm = own_normals(ellipse, number)
     cos, sin = np.cos(ellipse.angle)[:, None], np.sin(ellipse.angle)[:, None]
     normals = np.empty((*normal_x.shape, 2))
@@ -49,19 +65,42 @@ def ellipse_rim(ellipse: Ellipse, number: int) -> tuple[FloatArray, FloatArray, 
     return ellipse.points(number), normals, area * per_norm**3
 
 
-def edges_along(grey: Image, ellipse: Ellipse, reach_px: float, places: int, *, quick: bool = False) -> RimEdges:
-    """Find the edges near `places` along the rims of m ellipses (batch), no farther off than `reach_px`.
+def edges_along(
+    grey: Image, ellipse: Ellipse, half_width_px: float, samples: int, *, quick: bool = False
+) -> RimEdges:
+    """Locate the edges along the rims of ellipses.
 
-    `quick` is for many rims: levels are rounded, which costs some hundredths of a px.
+    Parameters
+    ----------
+    grey
+        (h, w) levels.
+    ellipse
+        (m,) px, the predicted rims.
+    half_width_px
+        How far from a predicted rim its edge may be; less in small and thin ellipses.
+    samples
+        Samples along each rim.
+    quick
+        For many rims: levels are rounded, which costs some hundredths of a px.
     """
-    points, normals, curvature = ellipse_rim(ellipse, places)
-    # In a small or thin ellipse the search must not come out on the other side.
-    reach = np.minimum(reach_px, np.maximum(0.45 * ellipse.semi_minor + 0.5, 1.0))
-    return locate_edges(grey, points, normals, reach, curvature, quick=quick)
+    points, normals, curvature = ellipse_rim(ellipse, samples)
+    # In a small or thin ellipse the search must not reach the other side.
+    half_width = np.minimum(half_width_px, np.maximum(0.45 * ellipse.semi_minor + 0.5, 1.0))
+    return locate_edges(grey, points, normals, half_width, curvature, quick=quick)
 
 
 def contour_normals(points: FloatArray) -> FloatArray:
-    """Return the outward unit normals (m, k, 2) of closed, densely sampled convex contours (m, k, 2)."""
+    """Return the outward unit normals of closed contours, from differences of neighboring points.
+
+    Parameters
+    ----------
+    points
+        (m, k, 2) of densely sampled convex contours, in order.
+
+    Returns
+    -------
+    (m, k, 2).
+    """
     tangent = np.roll(points, -1, axis=1) - np.roll(points, 1, axis=1)
     normals = np.stack([tangent[..., 1], -tangent[..., 0]], axis=-1)
     outward = np.sum(normals * (points - points.mean(axis=1, keepdims=True)), axis=(1, 2))
@@ -73,12 +112,12 @@ def locate_edges(
     grey: Image,
     points: FloatArray,
     normals: FloatArray,
-    reach_px: FloatArray,
+    half_width_px: FloatArray,
     curvature: FloatArray | None = None,
     *,
     quick: bool = False,
 ) -> RimEdges:
-    """Find the edge near each predicted rim point.
+    """Locate the edge near each predicted rim point.
 
     Parameters
     ----------
@@ -86,35 +125,37 @@ def locate_edges(
         (h, w) levels.
     points, normals
         (m, k, 2) predicted rim, px, and its outward unit normals.
-    reach_px
+    half_width_px
         (m,) how far from the predicted rim the edge may be.
     curvature
-        (m, k) of the predicted rim, 1/px; else it is taken from the points.
+        (m, k) of the predicted rim, 1/px; by default it is computed from the points.
     quick
         Round levels as `quick_profiles` does.
 
-    The edge is the centroid of the gradient of the rim's sign within 2 px of its steepest place: for a
-    symmetric blur that is where the step was, but for the inward shift (variance of the blur) * curvature / 2
-    of a curved edge, which is put back. Gradients of the other sign, a neighbour's edge, count nothing.
+    Notes
+    -----
+    The edge is the centroid of the gradient with the sign of the rim within 2 px of its steepest point. For a
+    symmetric blur that is the position of the step, except for the inward shift of a curved edge, (variance of the
+    blur) * curvature / 2, which is corrected. Gradients of the other sign, of a neighbor's edge, have no weight.
     """
-    steps = int(np.ceil(float(np.max(reach_px)) / _STEP_PX)) + 1
+    steps = int(np.ceil(float(np.max(half_width_px)) / _STEP_PX)) + 1
     t: NDArray[Any] = _STEP_PX * np.arange(-steps, steps + 1)
     profile, inside = (quick_profiles if quick else _profiles)(grey, points, normals, t)
     gradient = profile[..., 2:] - profile[..., :-2]
     gradient *= 1.0 / (2.0 * _STEP_PX)
     t = t[1:-1].astype(profile.dtype)
     near: NDArray[Any]
-    near = np.maximum(1.0 - np.abs(t) / (reach_px[:, None] + _STEP_PX), 0.0).astype(profile.dtype)
+    near = np.maximum(1.0 - np.abs(t) / (half_width_px[:, None] + _STEP_PX), 0.0).astype(profile.dtype)
     inwards = np.matmul(gradient.sum(axis=1)[:, None, :], near[:, :, None])[:, 0, 0] < 0.0
     polarity = np.where(inwards, -1.0, 1.0)
     gradient[inwards] *= -1.0
     rising = np.maximum(gradient, 0.0, out=gradient)
-    # Ties and noise are settled in favour of the predicted place.
+    # Of equal gradients the one nearest to the prediction counts.
     peak = np.argmax(rising * ((0.25 + near) * (near > 0.0))[:, None, :], axis=-1)
     center = t[peak]
     half = (_HALF_WINDOW + 0.5) * _STEP_PX
     for _ in range(2):
-        # The window's ends count in part, so that it can move by less than a step.
+        # The ends of the window have part of the weight, so that it can move by less than a step.
         window = np.subtract(t, center[..., None])
         np.abs(window, out=window)
         np.subtract(half, window, out=window)
@@ -124,14 +165,14 @@ def locate_edges(
         window *= rising
         mass = window.sum(axis=-1)
         center = np.where(mass > 0.0, (window @ t) / np.maximum(mass, 1e-12), center)
-    # About the middle of the profile first: of the same sums as the centre.
+    # The second moment about the middle of the profile, from the same sums as the center.
     mean_square = (window @ (t * t)) / np.maximum(mass, 1e-12)
     variance = np.where(mass > 0.0, mean_square - center * center, 0.0)
     blur = np.maximum(_middle(variance) - _DIFFERENCE_VARIANCE, 0.0)
     center = center + 0.5 * blur * (_curvature(points, normals) if curvature is None else curvature)
     step = mass * _STEP_PX
     typical = _middle(step)
-    valid = inside & (step > 0.35 * typical) & (step > 0.0) & (np.abs(center) <= reach_px[:, None])
+    valid = inside & (step > _LEAST_STEP_SHARE * typical) & (step > 0.0) & (np.abs(center) <= half_width_px[:, None])
     return RimEdges(
         points=points + center[..., None] * normals,
         offset_px=center.astype(np.float64),
@@ -163,23 +204,35 @@ def _profiles(grey: Image, points: FloatArray, normals: FloatArray, t: FloatArra
 def quick_profiles(
     grey: Image, points: FloatArray, normals: FloatArray, t: FloatArray
 ) -> tuple[NDArray[Any], BoolArray]:
-    """Return what `_profiles` does, sooner and in float32.
+    """Return the float32 levels (m, k, l) at `points` + `t` (l,) `normals`, and which profiles are inside (m, k).
 
-    `cv2.remap` would be sooner still, but rounds levels and places, otherwise in each release of OpenCV.
+    `cv2.remap` would be faster still, but rounds levels and positions, differently in each release of OpenCV.
     """
     height, width = grey.shape
     offset = t.astype(np.float32)
     x, y = (
         points[..., i, None].astype(np.float32) + offset * normals[..., i, None].astype(np.float32) for i in (0, 1)
     )
-    # The image is convex: what begins and ends in it lies in it.
+    # The image is convex: a profile whose ends lie in it lies in it.
     ends_x, ends_y = x[..., [0, -1]], y[..., [0, -1]]
     inside = ((ends_x >= 0.0) & (ends_x <= width - 1.0) & (ends_y >= 0.0) & (ends_y <= height - 1.0)).all(axis=-1)
     return _bilinear(grey, x, y).astype(np.float32, copy=False), inside
 
 
 def sample(grey: Image, where: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Return the bilinear level at `where` (..., 2) px and whether that lies inside the image (...)."""
+    """Return the bilinear levels of an image at positions, and which positions lie inside it.
+
+    Parameters
+    ----------
+    grey
+        (h, w) levels.
+    where
+        (..., 2) px, (0, 0) being the center of the first pixel.
+
+    Returns
+    -------
+    Levels (...), 0 outside, and whether each position lies inside (...).
+    """
     height, width = grey.shape
     x, y = where[..., 0], where[..., 1]
     inside = (x >= 0.0) & (x <= width - 1.0) & (y >= 0.0) & (y <= height - 1.0)
@@ -187,12 +240,12 @@ def sample(grey: Image, where: FloatArray) -> tuple[FloatArray, BoolArray]:
 
 
 def _bilinear(grey: Image, x: RealArray, y: RealArray) -> RealArray:
-    """Return the bilinear levels at `x`, `y` (...) px; outside the image those of its border."""
+    """Return the bilinear levels at `x`, `y` (...), px; outside the image those of its border."""
     height, width = grey.shape
     # Unlike clip, these take NaN for the border.
     x = np.fmin(np.fmax(x, 0.0), width - 1.0)
     y = np.fmin(np.fmax(y, 0.0), height - 1.0)
-    # The last row and column have no neighbor further on: they are reached from the one before.
+    # The last row and column have no next neighbor: they are interpolated from the one before.
     x0 = np.minimum(x.astype(np.int32), max(width - 2, 0))
     y0 = np.minimum(y.astype(np.int32), max(height - 2, 0))
     fx, fy = (x - x0).astype(np.float32), (y - y0).astype(np.float32)

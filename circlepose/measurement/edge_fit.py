@@ -22,7 +22,7 @@ from circlepose.fitting.cone_projection import (
 from circlepose.fitting.observations import Observations, rim_distance_px
 from circlepose.fitting.ransac import local_scatter, on_one_ellipse
 from circlepose.geometry.cone import SIGNATURE, principal_frame
-from circlepose.geometry.cone_perturbation import MODES, amounts_between
+from circlepose.geometry.cone_perturbation import MODES, coefficients_between
 from circlepose.geometry.ellipse import Ellipse
 from circlepose.imaging.subpixel_edges import contour_normals, locate_edges
 from circlepose.photometry.thin.fit import STRUCTURED, ThinEllipse, are_thin, fit_thin_ellipse
@@ -266,7 +266,7 @@ def _modes_covariance(camera: Camera, fitted: ThinEllipse, factor: FloatArray) -
         other = factor_from_ellipse(camera, Ellipse(changed[:2], changed[2], changed[3], changed[4]))
         if other is None:
             return None
-        columns.append(amounts_between(factor, other @ np.diag(SIGNATURE) @ other.T) / step)
+        columns.append(coefficients_between(factor, other @ np.diag(SIGNATURE) @ other.T) / step)
     slopes = np.stack(columns, axis=-1)
     return np.asarray(slopes @ fitted.covariance @ slopes.T)
 

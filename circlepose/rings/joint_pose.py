@@ -21,7 +21,7 @@ from circlepose._numerics import STUDENT_FREEDOM, logistic, student_log_likeliho
 from circlepose._typing import FloatArray
 from circlepose.fitting.observations import rim_growth
 from circlepose.geometry.cone import plane_basis
-from circlepose.geometry.cone_perturbation import MODES, mode_shapes, pose_amounts, pose_derivatives
+from circlepose.geometry.cone_perturbation import MODES, mode_shapes, pose_coefficients, pose_derivatives
 
 RADIUS_SHARE = 2e-3
 """Standard deviation of another circle's radius, and of a height, relative to the largest circle."""
@@ -126,8 +126,7 @@ def from_edges(
     `rays` (n, 3) of the edges and `jacobians` (n, 3, 2) = d ray / d pixel. Their errors are `scatter_px` from place
     to place, and `common_px` of all together.
     """
-    growth, per_px = rim_growth(factor, rays, jacobians)
-    local = rays @ np.linalg.inv(factor).T
+    local, growth, per_px = rim_growth(np.asarray(np.linalg.inv(factor)), rays, jacobians)
     slopes = mode_shapes(np.arctan2(local[:, 1], local[:, 0])) / per_px[:, None]
     distance = growth / per_px
     variance = scatter_px**2 * max(len(rays) / INDEPENDENT_EDGES, 1.0) + common_px**2 * len(rays)
@@ -226,7 +225,7 @@ class RingProblem:
 
     def _away(self, pose: AxisPose, number: int) -> FloatArray:
         rim = self.rims[number]
-        return pose_amounts(rim.factor, *pose.circle(number), rim.radius) - rim.amounts
+        return pose_coefficients(rim.factor, *pose.circle(number), rim.radius) - rim.amounts
 
     def _cost(self, pose: AxisPose, told: Sequence[FloatArray]) -> float:
         cost = self._height_information * (pose.height - self.height) ** 2

@@ -12,7 +12,7 @@ from circlepose.camera.camera import Camera
 from circlepose.fitting.cone_fit import ConeFit
 from circlepose.fitting.cone_projection import rim_pixels
 from circlepose.geometry.cone import factor_from_circle, plane_basis
-from circlepose.geometry.cone_perturbation import amounts_between, dual_circle, grown
+from circlepose.geometry.cone_perturbation import coefficients_between, dual_circle, grown
 from circlepose.geometry.ellipse import Ellipse
 from circlepose.measurement.edge_fit import rim_from_fit
 from circlepose.measurement.intensity_fit import refined
@@ -51,7 +51,7 @@ def start(scene, off_px, seed):
 
 def errors(scene, rim):
     disc = scene.targets[0]
-    return amounts_between(rim.cone.factor, dual_circle(disc.center_mm, disc.normal, disc.radius_mm))
+    return coefficients_between(rim.cone.factor, dual_circle(disc.center_mm, disc.normal, disc.radius_mm))
 
 
 @pytest.mark.parametrize(
@@ -101,7 +101,7 @@ def test_sixteen_bits_and_eight_say_the_same():
     image = render(scene)
     (eight,) = refined(image, scene.camera, [start(scene, 0.2, 4)])
     (sixteen,) = refined(image.astype(np.uint16) * 200, scene.camera, [start(scene, 0.2, 4)])
-    apart = amounts_between(eight.cone.factor, sixteen.cone.factor @ np.diag([1, 1, -1]) @ sixteen.cone.factor.T)
+    apart = coefficients_between(eight.cone.factor, sixteen.cone.factor @ np.diag([1, 1, -1]) @ sixteen.cone.factor.T)
     assert np.max(np.abs(apart)) * 25.0 < 1e-3
     np.testing.assert_allclose(sixteen.modes_covariance, eight.modes_covariance, rtol=0.1)
 

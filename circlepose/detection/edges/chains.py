@@ -1,4 +1,4 @@
-"""All edge chains of an image in one array, with the measures that sort them, without a loop over chains."""
+"""All edge chains of an image in one array, with their measures, without a Python loop over chains."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ _CORNERS = 64
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Chains:
-    """Closed chains of neighbouring pixels: chain i holds `points[starts[i] : starts[i] + sizes[i]]`."""
+    """Closed chains of neighboring pixels: chain i holds `points[starts[i] : starts[i] + sizes[i]]`."""
 
     points: NDArray[np.signedinteger[Any]]
-    """(n, 2) px; of 16 bits where these do, as a page of text has more points than pixels"""
+    """(n, 2) px; 16 bits where these suffice, as a page of text has more points than pixels"""
     starts: IntArray
-    """(m,)"""
+    """(m,) index of the first point"""
     sizes: IntArray
-    """(m,)"""
+    """(m,) number of points"""
     parents: IntArray
-    """(m,) of a hole's border the outer border of the same edge; -1 where there is none"""
+    """(m,) index of the outer border of the same edge, for the border of a hole; else -1"""
 
     @classmethod
     def of_borders(
         cls, borders: Sequence[NDArray[Any]], hierarchy: NDArray[Any] | None, shortest: int, *, size: int
     ) -> Self:
-        """Join borders (k, 1, 2) as OpenCV finds them, but for those too short; `hierarchy` is that of RETR_CCOMP.
+        """Join the borders (k, 1, 2) that OpenCV finds, without those too short; `hierarchy` is that of RETR_CCOMP.
 
         The longer side of the image is `size` px.
         """
@@ -41,7 +41,7 @@ class Chains:
         sizes = np.fromiter(map(len, borders), np.int64, len(borders))
         chosen = np.flatnonzero(sizes >= shortest)
         parents = np.full(len(borders), -1) if hierarchy is None else hierarchy[0, :, 3].astype(np.int64)
-        # Where the parent was too short there is none.
+        # A chain whose parent was too short has none.
         place = np.full(len(borders) + 1, -1)
         place[chosen] = np.arange(len(chosen))
         joined = np.empty((int(sizes[chosen].sum()), 1, 2), kind)
@@ -71,7 +71,7 @@ class Chains:
         return len(self.starts)
 
     def __getitem__(self, which: IntArray | BoolArray) -> Self:
-        """Return the chains that `which` names, their parents forgotten."""
+        """Return the chains that `which` selects, without their parents."""
         index = np.flatnonzero(which) if which.dtype == np.bool_ else which
         sizes = self.sizes[index]
         starts = np.cumsum(sizes) - sizes
@@ -81,24 +81,24 @@ class Chains:
 
     @property
     def owner(self) -> IntArray:
-        """(n,) which chain each point belongs to."""
+        """(n,) index of the chain of each point."""
         return np.repeat(np.arange(len(self)), self.sizes)
 
     def extents(self) -> IntArray:
-        """(m,) px: the longer side of each chain's upright box."""
+        """Return the longer side (m,), px, of each chain's upright box."""
         if len(self) == 0:
             return np.empty(0, np.int64)
         spans = np.maximum.reduceat(self.points, self.starts) - np.minimum.reduceat(self.points, self.starts)
         return spans.max(axis=1).astype(np.int64)
 
     def shares(self, marked: BoolArray) -> FloatArray:
-        """(m,) share of each chain's points for which `marked` (n,)."""
+        """Return the share (m,) of each chain's points that are `marked` (n,)."""
         if len(self) == 0:
             return np.empty(0)
         return np.add.reduceat(marked.astype(np.int64), self.starts) / self.sizes
 
     def samples(self, which: IntArray, number: int) -> FloatArray:
-        """(k, number, 2) px evenly taken from each of the chains `which` (k,)."""
+        """Return points (k, number, 2), px, evenly taken from each of the chains `which` (k,)."""
         steps = (np.arange(number)[None, :] * self.sizes[which, None]) // number
         return self.points[self.starts[which, None] + steps].astype(np.float64)
 
