@@ -21,6 +21,7 @@ from pathlib import Path
 import numpy as np
 
 import circlepose
+from circlepose._numerics import angle_between
 from circlepose.camera.camera import Camera, circle_contour
 from circlepose.fitting.cone_fit import ConeFit
 from circlepose.geometry.cone import factor_from_circle, plane_basis, principal_frame
@@ -56,7 +57,7 @@ class View:
     @property
     def tilt_deg(self) -> float:
         """The angle of the normal to the line of sight."""
-        return float(np.degrees(np.arccos(-self.normal @ self.center / np.linalg.norm(self.center))))
+        return float(np.degrees(angle_between(-self.normal, self.center / np.linalg.norm(self.center))))
 
 
 def views(radii: tuple[float, float], trials: int, *, flat: bool) -> Iterator[tuple[View, np.random.Generator]]:

@@ -41,6 +41,7 @@ from benchmarks.support.environments import (
     answers,
     environment,
 )
+from circlepose._numerics import angle_between
 from circlepose._typing import FloatArray, Image
 from circlepose.camera.camera import Camera, circle_contour
 from circlepose.fitting.cone_fit import factor_from_ellipse, fit_cone
@@ -225,7 +226,7 @@ def row(label: str, truth: Sequence[Circle], poses: Sequence[Poses], millisecond
             continue
         center, n = max(turned, key=lambda pose: float(pose[1] @ circle.normal))
         position.append(np.linalg.norm(center - circle.center))
-        normal.append(np.degrees(2.0 * np.arcsin(min(1.0, float(np.linalg.norm(n - circle.normal)) / 2.0))))
+        normal.append(np.degrees(angle_between(n, circle.normal)))
     p, q = (np.percentile(errors, [50, 95]) if errors else (np.nan, np.nan) for errors in (position, normal))
     taken = f"{np.median(milliseconds):.1f}" if len(milliseconds) else ""
     return f"| {label} | {len(position)}/{len(truth)} | {p[0]:.3f} / {p[1]:.3f} | {q[0]:.4f} / {q[1]:.3f} | {taken} |"

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from circlepose._numerics import cross, logistic
+from circlepose._numerics import angle_between, logistic
 from circlepose._typing import FloatArray, IntArray, frozen
 from circlepose.errors import ArgumentError
 from circlepose.geometry.cone import plane_basis
@@ -136,7 +136,7 @@ def _gaussian(angles: FloatArray, spread_deg: FloatArray | float) -> FloatArray:
 
 def _angles(normals: FloatArray, direction: FloatArray) -> FloatArray:
     unit = np.asarray(direction, dtype=np.float64) / np.linalg.norm(direction)
-    return np.arctan2(np.linalg.norm(cross(normals, unit), axis=-1), normals @ unit)
+    return angle_between(normals, unit)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

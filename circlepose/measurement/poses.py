@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from circlepose._numerics import angle_between
 from circlepose._typing import FloatArray
 from circlepose.camera.camera import Camera
 from circlepose.geometry.cone import ConeKind, PrincipalFrame, principal_frame
@@ -190,11 +191,10 @@ def compared(candidate: Candidate, reference: Sequence[Candidate]) -> Candidate:
     if not reference:
         return candidate
     nearest = max(reference, key=lambda other: float(other.normal @ candidate.normal))
-    chord = float(np.linalg.norm(nearest.normal - candidate.normal))
     return replace(
         candidate,
         position_difference_mm=float(np.linalg.norm(nearest.center - candidate.center)),
-        orientation_difference_deg=float(np.degrees(2.0 * np.arcsin(min(1.0, chord / 2.0)))),
+        orientation_difference_deg=float(np.degrees(angle_between(nearest.normal, candidate.normal))),
     )
 
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from circlepose._numerics import logistic
+from circlepose._numerics import angle_between, logistic
 from circlepose._typing import FloatArray
 from circlepose.geometry.cone import plane_basis
 from circlepose.geometry.cone_perturbation import grown
@@ -149,7 +149,7 @@ def with_vanishing_normal(result: CircleResult, pose: VanishingPose) -> CircleRe
     candidates = tuple(
         replace(
             candidate,
-            vanishing_distance_deg=_angle_deg(candidate.normal, pose.normal),
+            vanishing_distance_deg=float(np.degrees(angle_between(candidate.normal, pose.normal))),
             vanishing_distance_sigmas=None
             if candidate.covariance is None
             else float(np.sqrt(pose.chi_square(candidate.normal, candidate.covariance[3:, 3:]))),
@@ -267,7 +267,3 @@ def _measured(result: CircleResult, candidate: Candidate, rim: RimEvidence | Non
 
 def _normals(result: CircleResult) -> FloatArray:
     return np.stack([candidate.normal for candidate in result.candidates])
-
-
-def _angle_deg(first: FloatArray, second: FloatArray) -> float:
-    return float(np.degrees(2.0 * np.arcsin(min(1.0, float(np.linalg.norm(first - second)) / 2.0))))

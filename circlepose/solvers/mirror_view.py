@@ -25,6 +25,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from circlepose._numerics import angle_between
 from circlepose._typing import FloatArray
 from circlepose.errors import ArgumentError
 
@@ -117,7 +118,7 @@ def mirror_view(
     mirror = float(mirror_tilt(radius_big, radius_small, height, distance))
     if np.isnan(mirror):
         return None
-    tilt = float(np.arccos(np.clip(-(center_big @ normal) / distance, -1.0, 1.0)))
+    tilt = float(angle_between(normal, -center_big / distance))
     return MirrorView(distance, tilt, mirror)
 
 

@@ -6,13 +6,13 @@ have each component as a column of its own as well, after the printed ones.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal, TextIO
 
 import numpy as np
 
+from circlepose._numerics import angle_between
 from circlepose._typing import FloatArray
 from circlepose.evaluation.matching import TabledPose
 from circlepose.io.tables import columns as tables
@@ -234,7 +234,7 @@ def _center_errors(center: FloatArray, true: TabledPose | None) -> Row:
 def _angle_deg(normal: FloatArray, true: TabledPose | None) -> float | None:
     if true is None or true.normal is None:
         return None
-    return math.degrees(2.0 * math.asin(min(1.0, float(np.linalg.norm(normal - true.normal)) / 2.0)))
+    return float(np.degrees(angle_between(normal, np.asarray(true.normal))))
 
 
 def _reference_generatrix(
