@@ -176,13 +176,35 @@ def rim_distances_px(factors: FloatArray, owner: IntArray, rays: FloatArray, jac
 
 
 def _distance_px(inverse: FloatArray, rays: FloatArray, jacobians: FloatArray) -> FloatArray:
+    _, growth, per_px = rim_growth(inverse, rays, jacobians)
+    return growth / per_px
+
+
+def rim_growth(
+    inverse: FloatArray, rays: FloatArray, jacobians: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return where rays lie about a cone's rim, in the factor's own coordinates y = A^-1 x.
+
+    Parameters
+    ----------
+    inverse
+        (3, 3) of the factor, or (n, 3, 3) for a cone each.
+    rays
+        (n, 3)
+    jacobians
+        (n, 3, 2) = d ray / d pixel.
+
+    Returns
+    -------
+    The coordinates y (n, 3), the growth |y_12|/y_3 - 1 (n,), and its derivative (n,) per px across the rim.
+    """
     y = (inverse @ rays[:, :, None])[..., 0]
     slopes = inverse @ jacobians
     radius = np.hypot(y[:, 0], y[:, 1])
     ratio = radius / y[:, 2]
     along = (y[:, 0, None] * slopes[:, 0] + y[:, 1, None] * slopes[:, 1]) / (radius * y[:, 2])[:, None]
     gradient = along - (ratio / y[:, 2])[:, None] * slopes[:, 2]
-    return (ratio - 1.0) / np.hypot(gradient[:, 0], gradient[:, 1])
+    return y, ratio - 1.0, np.hypot(gradient[:, 0], gradient[:, 1])
 
 
 def _pixel_covariances(rays: FloatArray, jacobians: FloatArray) -> FloatArray:
