@@ -5,7 +5,7 @@ from circlepose.errors import ArgumentError
 CIRCLE_METHODS = ("chen-huang", "chen-huang-contour", "kanatani-liu", "kabuka-arenas")
 """Names of the methods for a single circle."""
 FU_ZHOU = "fu-zhou"
-"""Name of the method for two circles of a ring target; see `ring_fu_zhou`."""
+"""Name of the method for two circles of a ring target; see `rings.fu_zhou_route`."""
 METHODS = (*CIRCLE_METHODS, FU_ZHOU)
 """Names of the methods, as on the command line and in the table's `method` column."""
 

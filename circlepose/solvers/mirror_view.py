@@ -32,7 +32,7 @@ from circlepose.errors import ArgumentError
 
 @dataclass(frozen=True, slots=True)
 class MirrorView:
-    """How far a view of a coaxial target is from the one in which both pairs fit."""
+    """A view of a coaxial target, and the view from the same distance in which both pairs fit."""
 
     distance: float
     """of the big circle's center, in the unit of the radii"""

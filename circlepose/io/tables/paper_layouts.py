@@ -20,7 +20,7 @@ from circlepose.io.tables import json_records
 from circlepose.io.tables.columns import Row
 from circlepose.io.tables.reference import CircleKey, Reference
 from circlepose.results import CircleResult, ImageResult
-from circlepose.solvers.fu_zhou_coaxial import generatrix_length
+from circlepose.solvers.fu_zhou_coaxial import generatrix_ends
 
 Layout = Literal["poses", "table1", "table2"]
 LAYOUTS: tuple[Layout, ...] = ("poses", "table1", "table2")
@@ -255,7 +255,7 @@ def _reference_generatrix(
     if any(pose.center_mm is None or pose.normal is None for pose in poses):
         return None
     big_pose, small_pose = ((np.array(pose.center_mm), np.array(pose.normal)) for pose in poses)
-    return float(generatrix_length(*big_pose, circle.radius_mm, *small_pose, small.radius_mm))
+    return float(generatrix_ends(*big_pose, circle.radius_mm, *small_pose, small.radius_mm)[0])
 
 
 def _vector(values: FloatArray) -> Vector:
