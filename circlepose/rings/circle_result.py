@@ -12,7 +12,7 @@ from circlepose.camera.camera import Camera
 from circlepose.geometry.cone import ConeKind
 from circlepose.results import Candidate, CircleResult, Flag, SettledBy
 from circlepose.rings.decision import Decision
-from circlepose.rings.generatrix import GeneratrixPair, settles
+from circlepose.rings.generatrix import GeneratrixPair, settles, with_pair
 from circlepose.rings.matching import RingMatch
 from circlepose.rings.options import RingOptions
 from circlepose.rings.poses import TargetPoses
@@ -125,12 +125,9 @@ def _with_cues(candidate: Candidate, which: int, pair: GeneratrixPair | None, de
             chi_square = line.pose.chi_square(candidate.normal, candidate.covariance[3:, 3:])
             distance_sigmas = float(np.sqrt(chi_square))
     return replace(
-        candidate,
+        candidate if pair is None else with_pair(candidate, pair),
         height_mm=height,
         height_sigma_mm=height_sigma,
-        generatrix_mm=None if pair is None else float(pair.ends_mm[0]),
-        generatrix_ends_mm=None if pair is None else pair.ends_mm,
-        generatrix_ends_sigma_mm=None if pair is None else pair.sigmas_mm,
         vanishing_distance_deg=distance_deg,
         vanishing_distance_sigmas=distance_sigmas,
     )

@@ -53,7 +53,7 @@ def _of_coplanar(largest: Rim, nested: Sequence[Rim], target: Target, options: R
     concentric = [_radius_ratio(largest, rim) for rim in nested if _are_concentric(largest, rim, options)]
     if not concentric:
         apart = min(float(np.linalg.norm(rim.ellipse.center - largest.ellipse.center)) for rim in nested)
-        return f"; the nested circles seen are not concentric, their centres are {apart:.1f} px apart"
+        return f"; the nested circles seen are not concentric, their centers are {apart:.1f} px apart"
     seen = ", ".join(f"{ratio:.2f}" for ratio in sorted(concentric, reverse=True)[: options.most_ratios])
     asked = ", ".join(f"{radius / target.radii_mm[0]:.2f}" for radius in target.radii_mm[1:])
     return f"; nested circles seen are {seen} of the largest, radii_mm asks for {asked}"

@@ -16,7 +16,7 @@ from circlepose._numerics import logistic
 from circlepose.camera.camera import Camera
 from circlepose.results import Candidate, CircleResult, Failure, Flag, SettledBy, Status
 from circlepose.rings.evidence import RimEvidence
-from circlepose.rings.generatrix import generatrix_odds, generatrix_pairs, partner_of
+from circlepose.rings.generatrix import generatrix_odds, generatrix_pairs, partner_of, with_pair
 from circlepose.rings.options import DEFAULT, RingOptions
 from circlepose.rings.vanishing_line import VanishingCheck
 from circlepose.solvers import FU_ZHOU
@@ -113,15 +113,7 @@ def by_generatrix(
         log_odds = 0.0 if isinstance(odds, Failure) else odds.log_odds
         candidates = result.candidates
         if pairs:
-            candidates = tuple(
-                replace(
-                    candidate,
-                    generatrix_mm=float(pair.ends_mm[0]),
-                    generatrix_ends_mm=pair.ends_mm,
-                    generatrix_ends_sigma_mm=pair.sigmas_mm,
-                )
-                for candidate, pair in zip(candidates, pairs, strict=True)
-            )
+            candidates = tuple(with_pair(candidate, pair) for candidate, pair in zip(candidates, pairs, strict=True))
         found = replace(result, generatrix_expected_mm=target.generatrix_mm if pairs else None)
         ranked = candidates[::-1] if log_odds > 0.0 else candidates
         chance = float(logistic(-abs(log_odds)))

@@ -6,7 +6,7 @@ The candidates are those that each circle has by its own rim. The generatrices m
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -49,6 +49,16 @@ class GeneratrixOdds:
     """of the first candidate's pair"""
     log_odds: float
     """of the second candidate over the first"""
+
+
+def with_pair(candidate: Candidate, pair: GeneratrixPair) -> Candidate:
+    """Return the candidate with the generatrix of its pair."""
+    return replace(
+        candidate,
+        generatrix_mm=float(pair.ends_mm[0]),
+        generatrix_ends_mm=pair.ends_mm,
+        generatrix_ends_sigma_mm=pair.sigmas_mm,
+    )
 
 
 def partner_of(result: CircleResult, results: Sequence[CircleResult]) -> CircleResult:

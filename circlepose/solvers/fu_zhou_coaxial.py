@@ -2,7 +2,7 @@
 
 The candidates of the two circles are paired one to one, so that their normals agree best. Of the right pair the
 generatrix, rim to rim in the plane that holds the axis and the camera, has the part's known length
-sqrt(h^2 + (R - r)^2) at both ends of the diameters there. Of the wrong pair the small circle's centre is off the
+sqrt(h^2 + (R - r)^2) at both ends of the diameters there. Of the wrong pair the small circle's center is off the
 big one's axis by some e in that plane, and the generatrices are about
 
     sqrt(h'^2 + (R - r - e)^2)  and  sqrt(h'^2 + (R - r + e)^2)
@@ -12,7 +12,7 @@ ends, never their mean: it hardly differs between the pairs. Where the length is
 e = 0 show the right pair as well. In two kinds of view the wrong pair has the right length at both ends
 (`solvers.mirror_view`); in one of them e is 0, too, and nothing distinguishes the pairs.
 
-Lengths are in the unit of the centres; the frame is any that has the camera in its origin. Normals point towards
+Lengths are in the unit of the centers; the frame is any that has the camera in its origin. Normals point towards
 the camera, so both circles must be seen from the same side.
 """
 
@@ -204,7 +204,7 @@ def _mean_axis(normal_big: FloatArray, normal_small: FloatArray) -> FloatArray:
 
 
 def _changed(circle: MeasuredCircle, changes: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return centres (n, 3) and unit normals (n, 3) after small `changes` (n, 5) of centre and tilts."""
+    """Return centers (n, 3) and unit normals (n, 3) after small `changes` (n, 5) of center and tilts."""
     normals = circle.normal + changes[:, 3:] @ np.stack(plane_basis(circle.normal))
     return circle.center + changes[:, :3], _unit(normals)
 
