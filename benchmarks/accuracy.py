@@ -23,6 +23,7 @@ import numpy as np
 
 import circlepose
 from benchmarks.support.bound import pose_bound, share_derivatives
+from circlepose._numerics import angle_between
 from circlepose._typing import FloatArray, Image
 from circlepose.camera.camera import Camera
 from circlepose.geometry.cone import plane_basis
@@ -138,7 +139,7 @@ def measured(scene: Scene, image: Image, derivatives: FloatArray, method: str, r
     )
     bound = pose_bound(derivatives, scene.background.level - disc.paint.level, scene.noise_levels)
     sight = disc.center_mm / np.linalg.norm(disc.center_mm)
-    tilt = np.arccos(np.clip(-disc.normal @ sight, -1.0, 1.0))
+    tilt = float(angle_between(-disc.normal, sight))
     is_linear = bool(np.sqrt(np.linalg.eigvalsh(bound[3:, 3:])[-1]) < tilt / LEAST_SIGMAS)
     candidate = better(result, disc)
     if candidate is None:
@@ -168,7 +169,7 @@ def better(result: ImageResult, disc: Disc) -> Candidate | None:
 def errors(candidate: Candidate, disc: Disc) -> tuple[FloatArray, FloatArray]:
     """Return the errors of centre (3,) mm and tilts (2,) rad, these towards the candidate's `plane_basis`."""
     chord = candidate.normal - disc.normal
-    angle = 2.0 * np.arcsin(min(1.0, float(np.linalg.norm(chord)) / 2.0))
+    angle = float(angle_between(candidate.normal, disc.normal))
     turn = np.array([chord @ axis for axis in plane_basis(candidate.normal)])
     return candidate.center - disc.center_mm, turn * angle / max(float(np.linalg.norm(turn)), 1e-300)
 

@@ -15,6 +15,7 @@ import numpy as np
 
 import circlepose
 from benchmarks.support.scoring import data_folder, error, match, read_radius, read_truth
+from circlepose._numerics import angle_between
 from circlepose.io.images.reader import read_image
 
 SETS = ("discocal_rgb_left", "discocal_tir", "opencv_circles_a", "boofcv_circle_hex_stills")
@@ -41,7 +42,7 @@ def main(names: list[str]) -> int:
                 if circle is None or len(circle.candidates) < 2:
                     continue
                 first, second = circle.candidates
-                angle = float(np.degrees(np.arccos(np.clip(first.normal @ second.normal, -1.0, 1.0))))
+                angle = float(np.degrees(angle_between(first.normal, second.normal)))
                 if angle < ALIKE_DEG:
                     continue
                 apart.append(angle)

@@ -13,7 +13,6 @@ looks flatter, and no trial is run.
 from __future__ import annotations
 
 import argparse
-from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,12 +20,16 @@ from pathlib import Path
 import numpy as np
 
 import circlepose
+from circlepose._numerics import angle_between
 from circlepose.camera.camera import Camera, circle_contour
 from circlepose.fitting.cone_fit import ConeFit
 from circlepose.geometry.cone import factor_from_circle, plane_basis, principal_frame
 from circlepose.geometry.cone_perturbation import grown, mode_shapes
 from circlepose.measurement.edge_fit import Rim, rim_from_fit
 from circlepose.results import CircleResult, Flag
+from circlepose.rings.evidence import from_levels
+from circlepose.rings.joint_pose import AxisPose, JointPose, RingProblem
+from circlepose.rings.matching import match_rings
 from circlepose.rings.results import find_ring_targets
 from circlepose.solvers.chen_huang import poses_from_frame
 from circlepose.synthesis.render import render
@@ -56,7 +59,7 @@ class View:
     @property
     def tilt_deg(self) -> float:
         """The angle of the normal to the line of sight."""
-        return float(np.degrees(np.arccos(-self.normal @ self.center / np.linalg.norm(self.center))))
+        return float(np.degrees(angle_between(-self.normal, self.center / np.linalg.norm(self.center))))
 
 
 def views(radii: tuple[float, float], trials: int, *, flat: bool) -> Iterator[tuple[View, np.random.Generator]]:
@@ -111,10 +114,15 @@ def _unit_circle() -> np.ndarray:
     return np.stack([np.cos(angle), np.sin(angle)])
 
 
+def targets_among(rims: list[Rim], target: Target, method: str = "chen-huang") -> tuple[CircleResult, ...]:
+    """Return the circles of the ring targets among the rims."""
+    return find_ring_targets(rims, match_rings(rims, CAMERA, target), CAMERA, target, (method,)).circles
+
+
 def measured(view: View, generator: np.random.Generator | None, method: str = "chen-huang") -> CircleResult | None:
     """Return the outer circle of the target as measured with kind: coplanar; None where no target is found."""
     target = Target("coplanar", view.radii)
-    circles = find_ring_targets(rims_of(view, generator), CAMERA, target, (method,), Counter())
+    circles = targets_among(rims_of(view, generator), target, method)
     return None if not circles or Flag.LONE_CIRCLE in circles[0].flags else circles[0]
 
 
@@ -180,7 +188,6 @@ def law(radii: tuple[float, float], distance: float, tilt: np.ndarray) -> np.nda
 
 def flips_at(radii: tuple[float, float], distance: float, tilt: float) -> float:
     """Return that depth by the fits to exact rims with a height fixed to zero, without any of the safeguards."""
-    from circlepose.rings.joint_pose import AxisPose, RingProblem, from_levels  # noqa: PLC0415 - for this alone
 
     def lead(depth: float) -> float:
         ray = np.array([0.0, 0.0, 1.0])
@@ -195,7 +202,7 @@ def flips_at(radii: tuple[float, float], distance: float, tilt: float) -> float:
         poses = zip(*poses_from_frame(principal_frame(rims[0].cone.factor), radii[0]), strict=True)
         solved = [problem.solve(AxisPose(center, own)) for center, own in poses]
         right, wrong = sorted(
-            (each for each in solved if each is not None), key=lambda s: -float(s.pose.normal @ normal)
+            (each for each in solved if isinstance(each, JointPose)), key=lambda s: -float(s.pose.normal @ normal)
         )
         return wrong.misfit - right.misfit
 

@@ -17,6 +17,7 @@ import numpy as np
 
 import circlepose
 from benchmarks.ambiguity import CAMERA, KINDS, scene
+from circlepose._numerics import angle_between
 from circlepose._typing import FloatArray
 from circlepose.camera.camera import Camera
 from circlepose.fitting.cone_fit import fit_cone
@@ -68,14 +69,13 @@ def run(trials: int) -> Iterator[Trial]:
         chosen = outer.candidates[outer.chosen]
         nearest = max(outer.candidates, key=lambda candidate: float(candidate.normal @ theirs[1]))
         right = max(outer.candidates, key=lambda candidate: float(candidate.normal @ normal))
-        tilt = float(np.degrees(np.arccos(np.clip(-normal @ center / np.linalg.norm(center), -1.0, 1.0))))
+        tilt = float(np.degrees(angle_between(-normal, center / np.linalg.norm(center))))
         ours = chosen.center, chosen.normal
         yield Trial(tilt, _errors(*ours, center, normal), _errors(*theirs, center, normal), nearest is right)
 
 
 def _errors(center: FloatArray, normal: FloatArray, true: FloatArray, true_normal: FloatArray) -> tuple[float, float]:
-    chord = float(np.linalg.norm(normal - true_normal))
-    return float(np.linalg.norm(center - true)), float(np.degrees(2.0 * np.arcsin(min(1.0, chord / 2.0))))
+    return float(np.linalg.norm(center - true)), float(np.degrees(angle_between(normal, true_normal)))
 
 
 def main() -> None:

@@ -41,6 +41,7 @@ from benchmarks.support.environments import (
     answers,
     environment,
 )
+from circlepose._numerics import angle_between
 from circlepose._typing import FloatArray, Image
 from circlepose.camera.camera import Camera, circle_contour
 from circlepose.fitting.cone_fit import fit_cone
@@ -48,6 +49,7 @@ from circlepose.fitting.cone_projection import factor_from_ellipse
 from circlepose.fitting.direct import fit_ellipse
 from circlepose.geometry.cone import plane_basis
 from circlepose.geometry.ellipse import Ellipse
+from circlepose.results import Failure
 from circlepose.solvers.registry import solve
 from circlepose.synthesis.disc_sets import RADIUS_MM, disc_views
 from circlepose.synthesis.render import render
@@ -76,7 +78,7 @@ def poses_of_factor(factor: FloatArray | None, radius_mm: float) -> Poses:
     if factor is None:
         return ()
     solutions = solve("chen-huang", factor, np.zeros((0, 3)), radius_mm)
-    return () if isinstance(solutions, str) else list(zip(solutions.centers, solutions.normals, strict=True))
+    return () if isinstance(solutions, Failure) else list(zip(solutions.centers, solutions.normals, strict=True))
 
 
 def poses_of_ellipse(camera: Camera, ellipse: Ellipse | None, radius_mm: float) -> Poses:
@@ -226,7 +228,7 @@ def row(label: str, truth: Sequence[Circle], poses: Sequence[Poses], millisecond
             continue
         center, n = max(turned, key=lambda pose: float(pose[1] @ circle.normal))
         position.append(np.linalg.norm(center - circle.center))
-        normal.append(np.degrees(2.0 * np.arcsin(min(1.0, float(np.linalg.norm(n - circle.normal)) / 2.0))))
+        normal.append(np.degrees(angle_between(n, circle.normal)))
     p, q = (np.percentile(errors, [50, 95]) if errors else (np.nan, np.nan) for errors in (position, normal))
     taken = f"{np.median(milliseconds):.1f}" if len(milliseconds) else ""
     return f"| {label} | {len(position)}/{len(truth)} | {p[0]:.3f} / {p[1]:.3f} | {q[0]:.4f} / {q[1]:.3f} | {taken} |"

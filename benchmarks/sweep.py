@@ -39,6 +39,7 @@ import numpy as np
 
 import circlepose
 from benchmarks.support.scoring import Error, TrueCircle, error
+from circlepose._numerics import angle_between
 from circlepose._typing import FloatArray
 from circlepose.camera.camera import Camera, circle_contour
 from circlepose.geometry.cone import plane_basis
@@ -84,7 +85,7 @@ def scene(seed: int, view: int, hidden_percent: int) -> tuple[Scene, float]:
     center, normal = _pose(generator)
     noise_seed = int(generator.random() * 2.0**32)
     cards = _cards(center, normal, hidden_percent / 100.0, np.random.Generator(np.random.PCG64([seed, view, 1])))
-    tilt = np.degrees(np.arccos(np.clip(-normal @ center / np.linalg.norm(center), -1.0, 1.0)))
+    tilt = np.degrees(angle_between(-normal, center / np.linalg.norm(center)))
     disc = Disc(center, normal, RADIUS_MM, Paint(40.0))
     drawn = Scene(
         CAMERA, (disc,), Paint(200.0), occluders=cards, noise_levels=2.0, noise_seed=noise_seed + hidden_percent

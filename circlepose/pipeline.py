@@ -21,9 +21,9 @@ from circlepose.imaging.gray import to_grey
 from circlepose.measurement.edge_fit import Rim, fit_rims
 from circlepose.measurement.intensity_fit import refined
 from circlepose.measurement.poses import results_of_rims
-from circlepose.results import CircleResult, Flag, ImageResult, Status
-from circlepose.rings.diagnosis import contradiction
-from circlepose.rings.guided_search import with_second_rims
+from circlepose.results import CircleResult, Failure, Flag, ImageResult, Status
+from circlepose.rings.guided_search import with_hidden_rims
+from circlepose.rings.matching import match_rings
 from circlepose.rings.results import find_ring_targets
 from circlepose.solvers import METHODS, methods_for
 from circlepose.solvers.registry import solve
@@ -127,11 +127,13 @@ def estimate(
         rejected = Counter(found.rejected)
         fits = fit_rims(grey, camera, found.contours, refine=refine)
         all_rims = list(_measured(zip(found.contours, fits, strict=True), rejected))
+        matched = match_rings(all_rims, camera, target)
         if refine:
-            all_rims = refined(measured, camera, with_second_rims(grey, camera, all_rims, target))
-        circles = find_ring_targets(all_rims, camera, target, methods, rejected, placed=refine)
-        if any(Flag.LONE_CIRCLE in circle.flags for circle in circles):
-            incomplete = contradiction(all_rims, camera, target)
+            matched = with_hidden_rims(grey, camera, matched, target)
+            all_rims = refined(measured, camera, [each.rim for each in matched.rims])
+        found_targets = find_ring_targets(all_rims, matched, camera, target, methods, placed=refine)
+        circles, incomplete = list(found_targets.circles), found_targets.incomplete
+        rejected = rejected + found_targets.rejected
     circles = with_all_terms(circles, camera, target)
     return _image_result(name, size, target, circles, rejected, incomplete, intervals)
 
@@ -192,7 +194,7 @@ def _in_depth_range(rim: Rim, camera: Camera, target: Target) -> bool:
         return True
     nearest, farthest = target.depth_range_mm
     solutions = solve("chen-huang", rim.cone.factor, camera.rays(rim.points), target.radii_mm[0])
-    return not isinstance(solutions, str) and any(nearest <= z <= farthest for z in solutions.centers[:, 2])
+    return not isinstance(solutions, Failure) and any(nearest <= z <= farthest for z in solutions.centers[:, 2])
 
 
 def _image_result(

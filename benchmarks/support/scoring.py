@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from circlepose._numerics import angle_between
 from circlepose._typing import FloatArray
 from circlepose.results import CircleResult, ImageResult
 
@@ -99,10 +100,9 @@ def match(result: ImageResult, truth: list[TrueCircle]) -> list[CircleResult | N
 
 def error(circle: CircleResult, true: TrueCircle) -> Error:
     """Return the error of the candidate whose normal is the nearer to the truth."""
-    # A table's digits leave a normal not quite of unit length, which an arc cosine would take for an angle.
+    # A table's digits leave a normal not quite of unit length.
     normal = true.normal / np.linalg.norm(true.normal)
-    chords = [min(float(np.linalg.norm(c.normal - normal)), 2.0) for c in circle.candidates]
-    angles = [np.degrees(2.0 * np.arcsin(chord / 2.0)) for chord in chords]
+    angles = [float(np.degrees(angle_between(c.normal, normal))) for c in circle.candidates]
     best = int(np.argmin(angles))
     distance = float(np.linalg.norm(true.center))
     position = float(np.linalg.norm(circle.candidates[best].center - true.center))
@@ -119,4 +119,4 @@ def _offset(circle: CircleResult, true: TrueCircle) -> float:
         return float(np.linalg.norm(circle.ellipse.center - true.seen_px)) / (0.1 * true.major_px + 1.0)
     sight = true.center / np.linalg.norm(true.center)
     directions = [c.center / np.linalg.norm(c.center) for c in circle.candidates]
-    return min(float(np.degrees(np.arccos(np.clip(d @ sight, -1.0, 1.0)))) for d in directions)
+    return min(float(np.degrees(angle_between(d, sight))) for d in directions)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from circlepose._numerics import angle_between
 from circlepose.camera.camera import Camera
 from circlepose.detection.options import DEFAULT, DetectionOptions
 from circlepose.targets.target import AxisIntervals, Target
@@ -77,5 +78,5 @@ def _px_per_radian(camera: Camera, image_size: tuple[int, int]) -> tuple[float, 
     if not np.any(usable):
         return 1.0, 1e6, 0.0
     per_px = np.linalg.svd(jacobian[usable], compute_uv=False)
-    widest = float(np.arccos(np.clip(rays[usable, 2], -1.0, 1.0)).max())
+    widest = float(angle_between(rays[usable], np.array([0.0, 0.0, 1.0])).max())
     return float(1.0 / per_px.max()), float(1.0 / per_px.min()), min(widest, _WIDEST_RAD)

@@ -1,1 +1,1 @@
-"""From two candidate poses to one, where something in the scene tells."""
+"""From two candidate poses of a lone circle to one, by what is known of the scene."""

@@ -1,7 +1,7 @@
-"""What is known of the scene, for lone circles: hints that say which of the two candidates is right.
+"""Hints on lone circles: what is known of the scene, as likelihoods of the two candidates. Pure NumPy.
 
-A hint gives log likelihoods (m, 2) for m circles with two candidates each. Those of independent hints add up;
-`choose` turns the sum into a choice with the probability that it is wrong. `sigma_rad` (m, 2) is the angular
+A hint gives log likelihoods (m, 2) for m circles with two candidates each. Those of independent hints are added;
+`decide` turns the sum into a choice with the probability that it is wrong. `sigma_rad` (m, 2) is the angular
 standard error of a candidate's normal, per axis.
 """
 
@@ -11,60 +11,96 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from circlepose._numerics import cross, logistic
+from circlepose._numerics import angle_between, logistic
 from circlepose._typing import FloatArray, IntArray, frozen
+from circlepose.disambiguation.options import DEFAULT, DisambiguationOptions
 from circlepose.errors import ArgumentError
 from circlepose.geometry.cone import plane_basis
 
-_OUTLIER = 25.0
-"""Squared misfit, of 3 degrees of freedom, of a circle that is not in the plane; 2 in 100 000 good ones exceed it."""
-_PROPOSERS = 200
-_PROPOSALS = 24
-_PRIOR = 1e-2
-"""Information on the plane (tilts of 10 rad, offset of 10 distances) that stands in where circles give none."""
-_SOFT_ROUNDS = 10
-_ROUNDS = 14
-
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Choice:
+class Decision:
     """Which candidate of each circle to use."""
 
     chosen: IntArray
     """(m,) index of the candidate"""
-    wrong: FloatArray
+    ambiguity: FloatArray
     """(m,) probability that it is the wrong one, at most 0.5"""
 
 
-def choose(log_likelihoods: FloatArray) -> Choice:
-    """Choose the likelier candidate by `log_likelihoods` (m, 2), both as likely before."""
+def decide(log_likelihoods: FloatArray) -> Decision:
+    """Choose the likelier candidate of each circle.
+
+    Parameters
+    ----------
+    log_likelihoods
+        (m, 2) of the candidates, by all hints together. Before them both are equally likely.
+    """
     odds = log_likelihoods[:, 0] - log_likelihoods[:, 1]
-    return Choice(np.where(odds >= 0.0, 0, 1), frozen(logistic(-np.abs(odds))))
+    return Decision(np.where(odds >= 0.0, 0, 1), frozen(logistic(-np.abs(odds))))
 
 
 def rough_normal(normals: FloatArray, direction: FloatArray, spread_deg: FloatArray | float) -> FloatArray:
-    """Score `normals` (m, 2, 3) where the surfaces face `direction` (3,), in the camera frame, roughly.
+    """Return log likelihoods (m, 2) where the surfaces face a direction, roughly.
 
-    `spread_deg` is the standard deviation of the angle, per axis, of all circles or of each (m, 1), with the
-    normals' own errors in it.
+    Parameters
+    ----------
+    normals
+        (m, 2, 3) unit normals of the candidates, camera frame.
+    direction
+        (3,) of any length, camera frame.
+    spread_deg
+        Standard deviation of the angle per axis, deg, of all circles or of each (m, 1). It includes the errors of the
+        normals.
+
+    Returns
+    -------
+    Of a Gaussian in the angle, up to a constant.
     """
     return _gaussian(_angles(normals, direction), spread_deg)
 
 
 def up_direction(normals: FloatArray, up: FloatArray, spread_deg: FloatArray | float) -> FloatArray:
-    """Score `normals` (m, 2, 3) where the surfaces are horizontal, roughly; `spread_deg` as for `rough_normal`.
+    """Return log likelihoods (m, 2) where the surfaces are horizontal, roughly.
 
-    `up` (3,) is the vertical in the camera frame, either way: a floor shows its upper side, a ceiling the lower.
+    Parameters
+    ----------
+    normals, spread_deg
+        See `rough_normal`.
+    up
+        (3,) the vertical in the camera frame, either way: a floor shows its upper side, a ceiling the lower one.
+
+    Returns
+    -------
+    Of a Gaussian in the angle to the nearer of both directions, up to a constant.
     """
     angles = _angles(normals, up)
     return _gaussian(np.minimum(angles, np.pi - angles), spread_deg)
 
 
 def facing(normals: FloatArray, side: FloatArray, sigma_rad: FloatArray) -> FloatArray:
-    """Score `normals` (m, 2, 3) where the surfaces face a `side` (3,) of the line of sight: (-1, 0, 0) is left.
+    """Return log likelihoods (m, 2) where the surfaces face a side of the line of sight.
 
-    It is the candidate turned further to that side, unless errors have exchanged the two. They lie mirrored about
-    the line of sight, so what moves the one to the side moves the other away from it.
+    The right candidate is the one turned further to that side, unless errors have exchanged the two. They are
+    mirrored about the line of sight, so an error that moves one to the side moves the other away from it.
+
+    Parameters
+    ----------
+    normals
+        (m, 2, 3) unit normals of the candidates, camera frame.
+    side
+        (3,) direction of the side, camera frame: (-1, 0, 0) is left.
+    sigma_rad
+        (m, 2) standard error of each normal per axis, rad.
+
+    Returns
+    -------
+    Logarithms of the probabilities that the one or the other is turned further.
+
+    Raises
+    ------
+    ArgumentError
+        For arrays of another shape, or errors that are not positive.
     """
     from scipy.special import log_ndtr  # noqa: PLC0415 - takes longer to import than all the rest, and is rare
 
@@ -75,27 +111,41 @@ def facing(normals: FloatArray, side: FloatArray, sigma_rad: FloatArray) -> Floa
 
 
 def common_plane(
-    centers: FloatArray, normals: FloatArray, sigma_rad: FloatArray, sigma_mm: FloatArray | None = None
+    centers: FloatArray,
+    normals: FloatArray,
+    sigma_rad: FloatArray,
+    sigma_mm: FloatArray | None = None,
+    *,
+    options: DisambiguationOptions = DEFAULT,
 ) -> FloatArray:
-    """Score the candidates of circles that lie in ONE plane, but for a few that do not.
+    """Return log probabilities (m, 2) where the circles lie in one plane, except for a few.
 
-    Each candidate proposes its normal for the plane's. The plane is fitted, to normals and centres together, to
-    the candidates that agree best with it. Then each circle is judged by the plane of the others, with the error
-    of that plane. Where several planes explain the circles, as the mirror image does for circles seen from
-    afar, each counts by how well it does.
+    Each candidate proposes its normal for the plane. The plane is fitted, to normals and centers together, to the
+    candidates that agree best with it. Then each circle is compared with the plane of the others, with the error of
+    that plane. Where several planes explain the circles, as the mirror image does for circles seen from afar, each
+    has the weight of its likelihood.
 
     Parameters
     ----------
     centers, normals
         (m, 2, 3) of the candidates; normals are unit vectors.
+    sigma_rad
+        (m, 2) standard error of each normal per axis, rad.
     sigma_mm
-        (m, 2) standard error of a centre across the plane, in the unit of the centres. Left out: the distance
-        times `sigma_rad`, which is more than image noise makes of it.
+        (m, 2) standard error of a center across the plane, in the unit of the centers. The default is the distance
+        times `sigma_rad`, which is more than the error by image noise.
+    options
+        The numbers of the hints.
 
     Returns
     -------
-    (m, 2) log probabilities. Nothing is said, one half for both, of a circle alone and of one that is not in
-    the plane with either candidate.
+    (m, 2) log probabilities. Both are one half for a circle alone, and for one that is not in the plane with either
+    candidate.
+
+    Raises
+    ------
+    ArgumentError
+        For arrays of another shape, or errors that are not positive.
     """
     _check(normals, sigma_rad)
     if len(centers) < 2:
@@ -106,19 +156,20 @@ def common_plane(
         centers=centers - np.median(np.reshape(centers, (-1, 3)), axis=0),
         normals=np.asarray(normals, dtype=np.float64),
         variances=np.stack([sigma_rad, sigma_rad, across], axis=-1) ** 2,
-        prior=_PRIOR * np.array([1.0, 1.0, 1.0 / float(np.median(distances)) ** 2]),
+        prior=options.plane_prior * np.array([1.0, 1.0, 1.0 / float(np.median(distances)) ** 2]),
     )
-    plane_normals, offsets = _proposals(circles)
-    for round_ in range(_ROUNDS):
-        fit = _fit(circles, plane_normals, offsets, soft=round_ < _SOFT_ROUNDS)
+    plane_normals, offsets = _proposals(circles, options)
+    for round_ in range(options.rounds):
+        fit = _fit(circles, plane_normals, offsets, options, soft=round_ < options.soft_rounds)
         plane_normals, offsets = fit.moved(circles.prior)
         # Of planes that choose alike the first, and best, will do.
         _, first = np.unique(fit.picked, axis=0, return_index=True)
         plane_normals, offsets = plane_normals[np.sort(first)], offsets[np.sort(first)]
-    fit = _fit(circles, plane_normals, offsets, soft=False)
-    evidence = -0.5 * np.sum(np.minimum(np.min(fit.misfits, axis=-1), _OUTLIER), axis=-1)
+    fit = _fit(circles, plane_normals, offsets, options, soft=False)
+    least = np.minimum(np.min(fit.misfits, axis=-1), options.outlier_chi_square)
+    evidence = -0.5 * np.sum(least, axis=-1)
     share = np.exp(evidence - evidence.max())
-    return np.log(np.einsum("h,hmk->mk", share / share.sum(), _judged_by_the_others(circles, fit)))
+    return np.log(np.einsum("h,hmk->mk", share / share.sum(), _by_the_others(circles, fit, options)))
 
 
 def _check(normals: FloatArray, sigma_rad: FloatArray) -> None:
@@ -136,7 +187,7 @@ def _gaussian(angles: FloatArray, spread_deg: FloatArray | float) -> FloatArray:
 
 def _angles(normals: FloatArray, direction: FloatArray) -> FloatArray:
     unit = np.asarray(direction, dtype=np.float64) / np.linalg.norm(direction)
-    return np.arctan2(np.linalg.norm(cross(normals, unit), axis=-1), normals @ unit)
+    return angle_between(normals, unit)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -146,14 +197,14 @@ class _Circles:
     normals: FloatArray
     """(m, 2, 3)"""
     variances: FloatArray
-    """(m, 2, 3) of two tilts and of the centre across the plane"""
+    """(m, 2, 3) of two tilts and of the center across the plane"""
     prior: FloatArray
     """(3,)"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Planes:
-    """Planes n.x = d fitted to m circles: h of them, linearised at n and d in two tilts and an offset, (h, 3)."""
+    """Planes n.x = d fitted to m circles: h of them, linearized at n and d in two tilts and an offset, (h, 3)."""
 
     normals: FloatArray
     """(h, 3) n"""
@@ -166,7 +217,7 @@ class _Planes:
     slopes: FloatArray
     """(h, m, 2, 3, 3) of those by the plane's parameters"""
     misfits: FloatArray
-    """(h, m, 2) squared and standardised"""
+    """(h, m, 2) squared and standardized"""
     picked: IntArray
     """(h, m) the candidate with the smaller misfit"""
     information: FloatArray
@@ -182,25 +233,29 @@ class _Planes:
         return normals / np.linalg.norm(normals, axis=-1, keepdims=True), self.offsets + step[:, 2]
 
 
-def _proposals(circles: _Circles) -> tuple[FloatArray, FloatArray]:
+def _proposals(circles: _Circles, options: DisambiguationOptions) -> tuple[FloatArray, FloatArray]:
     """Return the normals (h, 3) that agree best with those of all circles, and offsets (h,).
 
     Half of them are candidates that the best one rejects: among them is its mirror image, if there is one.
     """
-    every = -(-len(circles.normals) // _PROPOSERS)
+    every = -(-len(circles.normals) // options.most_proposers)
     proposed = circles.normals[::every].reshape(-1, 3)
     misfits = np.sum((proposed[:, None, None] - circles.normals) ** 2, axis=-1) / circles.variances[..., 0]
-    score = np.sum(np.minimum(misfits.min(axis=-1), _OUTLIER), axis=-1)
+    score = np.sum(np.minimum(misfits.min(axis=-1), options.outlier_chi_square), axis=-1)
     picked = np.argmin(misfits[np.argmin(score)], axis=-1)[::every]
     rejected = np.stack([picked == 1, picked == 0], axis=-1).ravel()
     order = np.argsort(score, kind="stable")
-    best = np.concatenate([order[~rejected[order]][:_PROPOSALS], order[rejected[order]][:_PROPOSALS]])
+    best = np.concatenate(
+        [order[~rejected[order]][: options.most_proposals], order[rejected[order]][: options.most_proposals]]
+    )
     heights = np.einsum("hx,mx->hm", proposed[best], circles.centers.mean(axis=1))
     return proposed[best], np.median(heights, axis=-1)
 
 
-def _fit(circles: _Circles, normals: FloatArray, offsets: FloatArray, *, soft: bool) -> _Planes:
-    """Linearise planes (normals (h, 3), offsets (h,)) and weigh the circles: softly, or outliers not at all."""
+def _fit(
+    circles: _Circles, normals: FloatArray, offsets: FloatArray, options: DisambiguationOptions, *, soft: bool
+) -> _Planes:
+    """Linearize planes (normals (h, 3), offsets (h,)) and weigh the circles: softly, or outliers not at all."""
     basis = np.stack(plane_basis(normals), axis=-1)
     tilts = np.einsum("hxt,mkx->hmkt", basis, circles.normals)
     sine = np.linalg.norm(tilts, axis=-1)
@@ -218,7 +273,7 @@ def _fit(circles: _Circles, normals: FloatArray, offsets: FloatArray, *, soft: b
         scale = np.maximum(np.median(least, axis=-1, keepdims=True), 3.0)
         weights = 1.0 / (1.0 + least / scale)
     else:
-        weights = (least <= _OUTLIER).astype(np.float64)
+        weights = (least <= options.outlier_chi_square).astype(np.float64)
     weighted = slopes[plane, circle, picked] * (weights[..., None] / circles.variances[circle, picked])[..., None]
     return _Planes(
         normals,
@@ -233,7 +288,7 @@ def _fit(circles: _Circles, normals: FloatArray, offsets: FloatArray, *, soft: b
     )
 
 
-def _judged_by_the_others(circles: _Circles, fit: _Planes) -> FloatArray:
+def _by_the_others(circles: _Circles, fit: _Planes, options: DisambiguationOptions) -> FloatArray:
     """Return the probabilities (h, m, 2) of each circle's candidates, given the plane of the other circles."""
     others = fit.information.sum(axis=1, keepdims=True) - fit.information + np.diag(circles.prior)
     covariance = np.linalg.inv(others)
@@ -245,5 +300,5 @@ def _judged_by_the_others(circles: _Circles, fit: _Planes) -> FloatArray:
     misfits = np.einsum("hmki,hmki->hmk", residual, np.linalg.solve(spread, residual[..., None])[..., 0])
     likelihood = np.exp(-0.5 * misfits)
     # Out of the plane either candidate is as likely.
-    outside = np.exp(-0.5 * _OUTLIER)
+    outside = np.exp(-0.5 * options.outlier_chi_square)
     return (likelihood + outside) / (likelihood.sum(axis=-1, keepdims=True) + 2.0 * outside)

@@ -10,7 +10,7 @@ import numpy as np
 
 from circlepose._typing import FloatArray
 from circlepose.geometry.cone import ConeKind, principal_frame
-from circlepose.geometry.cone_perturbation import pose_amounts
+from circlepose.geometry.cone_perturbation import pose_coefficients
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,7 +39,7 @@ class Cone:
         radius_mm
             Its radius.
         """
-        return pose_amounts(self.factor, np.asarray(center), np.asarray(normal), radius_mm)
+        return pose_coefficients(self.factor, np.asarray(center), np.asarray(normal), radius_mm)
 
     def __eq__(self, other: object) -> bool:
         # `CircleResult.cone` was a ConeKind once.

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import astuple, replace
 
 import numpy as np
 
+from circlepose._numerics import angle_between
 from circlepose._typing import FloatArray
 from circlepose.camera.camera import Camera
 from circlepose.geometry.cone import ConeKind, PrincipalFrame, principal_frame
 from circlepose.geometry.cone_perturbation import MODES
 from circlepose.geometry.measured_cone import Cone
 from circlepose.measurement.edge_fit import Rim
-from circlepose.results import Candidate, CircleResult, Flag, Status
+from circlepose.results import Candidate, CircleResult, Failure, Flag
 from circlepose.solvers.registry import Solutions, solve, solve_chen_huang
 from circlepose.uncertainty.pose_covariance import pose_covariances, segment_covariance
 
@@ -43,14 +44,13 @@ def circle_results(
     instance: int,
     circle: str,
     *,
-    chen_huang: Solutions | None = None,
+    frame: PrincipalFrame | None = None,
 ) -> list[CircleResult]:
-    """Return a result for each method, the candidates of a lone circle: nothing says yet which is right.
-
-    `chen_huang` are the solutions by that method of the rim's settled factor, where they are known already.
-    """
-    known = None if chen_huang is None else [chen_huang]
-    return results_of_rims([rim], camera, methods, radius_mm, [instance], circle, chen_huang=known)
+    """Return the results of one rim, see `results_of_rims`; `frame` is that of its cone, where it is known."""
+    frames = None
+    if frame is not None:
+        frames = PrincipalFrame(*(np.asarray(each)[None] for each in astuple(frame)))
+    return results_of_rims([rim], camera, methods, radius_mm, [instance], circle, frames=frames)
 
 
 def results_of_rims(
@@ -61,34 +61,26 @@ def results_of_rims(
     instances: Sequence[int],
     circle: str,
     *,
-    chen_huang: Sequence[Solutions] | None = None,
+    frames: PrincipalFrame | None = None,
 ) -> list[CircleResult]:
-    """As `circle_results`, for many rims at once, each an instance of its own."""
+    """Return a result of each rim for each method, its candidates in no order of likelihood.
+
+    `frames` (m, ...) are those of the rims' cones, where they are known already.
+    """
     if not rims:
         return []
-    measured = np.stack([rim.cone.factor for rim in rims])
-    frames = principal_frame(measured)
-    factors = _settled_factors(rims, frames)
-    settled = frames if np.array_equal(factors, measured) else principal_frame(factors)
-    known = chen_huang or solve_chen_huang(settled, radius_mm)
+    if frames is None:
+        frames = principal_frame(np.stack([rim.cone.factor for rim in rims]))
+    settled = settled_frames(rims, frames)
+    factors = _settled_factors(rims, frames, settled)
+    known = solve_chen_huang(settled, radius_mm)
     covariances = _covariances(rims, camera, frames, factors, known, radius_mm)
     imaged = camera.project(np.concatenate([solutions.centers for solutions in known]))
     starts = np.cumsum([0, *(len(solutions.centers) for solutions in known)])
     results = []
     for k, rim in enumerate(rims):
         own = slice(starts[k], starts[k + 1])
-        base = CircleResult(
-            instances[k],
-            circle,
-            methods[0],
-            radius_mm,
-            ellipse=rim.ellipse,
-            residual_px=rim.cone.rms_px,
-            rim_used=rim.rim_used,
-            score=rim.score,
-            contour=rim.points,
-        )
-        modes = None if rim.modes_covariance is None else (rim.modes_covariance + rim.modes_covariance.T) / 2.0
+        base = result_without_pose(rim, methods[0], radius_mm, instances[k], circle)
         flags = _flags(rim, float(frames.tan_half_minor[k] / frames.tan_half_major[k]))
         for method in methods:
             solutions = known[k]
@@ -96,8 +88,8 @@ def results_of_rims(
                 candidates = _candidates(solutions, imaged[own], covariances[own])
             else:
                 found = solve(method, factors[k], camera.rays(rim.points), radius_mm)
-                if isinstance(found, str):
-                    results.append(replace(base, method=method, status=Status.NO_POSE, reason=found))
+                if isinstance(found, Failure):
+                    results.append(replace(base, method=method, status=found.status, reason=found.reason))
                     continue
                 solutions = found
                 candidates = _candidates(solutions, camera.project(solutions.centers))
@@ -112,33 +104,63 @@ def results_of_rims(
                     method=method,
                     candidates=candidates,
                     ambiguity=0.0 if one else 0.5,
-                    cone=Cone(rim.cone.factor, ConeKind(solutions.cone), modes),
+                    cone=measured_cone(rim, ConeKind(solutions.cone)),
                     flags=tuple(flag for flag in _ORDER if told[flag]),
                 )
             )
     return results
 
 
-def settled_factor(rim: Rim) -> FloatArray:
-    """Return the viewing cone's factor (3, 3), right or degenerate where the edges tell no difference from that.
+def result_without_pose(rim: Rim, method: str, radius_mm: float, instance: int, circle: str) -> CircleResult:
+    """Return what a result says of the rim itself."""
+    return CircleResult(
+        instance,
+        circle,
+        method,
+        radius_mm,
+        ellipse=rim.ellipse,
+        residual_px=rim.cone.rms_px,
+        rim_used=rim.rim_used,
+        score=rim.score,
+        contour=rim.points,
+    )
+
+
+def measured_cone(rim: Rim, kind: ConeKind) -> Cone:
+    """Return the rim's viewing cone for a result, with what its pose takes it to be."""
+    modes = rim.modes_covariance
+    return Cone(rim.cone.factor, kind, None if modes is None else (modes + modes.T) / 2.0)
+
+
+def rim_flags(rim: Rim, frame: PrincipalFrame) -> tuple[Flag, ...]:
+    """Return the flags of a rim by itself, whatever the method; `frame` is that of its cone."""
+    is_set = _flags(rim, float(frame.tan_half_minor / frame.tan_half_major))
+    return tuple(flag for flag in _ORDER if is_set.get(flag, False))
+
+
+def settled_frames(rims: Sequence[Rim], frames: PrincipalFrame) -> PrincipalFrame:
+    """Return the frames of m rims' cones, right or degenerate where the edges show no difference from that.
 
     Within its error a circle seen along its axis is a right cone with one pose, where the fitted axes, never quite
     equal, would give two with a tilt of their own; and a segment is edge-on, whatever width noise gives it.
+    `frames` (m, ...) are those of the measured cones.
     """
-    return _settled_factors([rim], principal_frame(rim.cone.factor[None]))[0]
-
-
-def _settled_factors(rims: Sequence[Rim], frames: PrincipalFrame) -> FloatArray:
-    """As `settled_factor`, of m rims, with the frames (m, ...) of their cones."""
-    factors = np.stack([rim.cone.factor for rim in rims])
     s, t = frames.tan_half_major, frames.tan_half_minor
     per_px = s / np.array([float(rim.ellipse.semi_major) for rim in rims])
     error = _SIGMAS * np.array([rim.axis_error_px for rim in rims]) * per_px
     right = s - t < error
     flat = ~right & (t < np.maximum(error, np.array([rim.least_width_px for rim in rims]) * per_px))
     mean = np.sqrt(s * t)
-    axes = np.stack([np.where(right, mean, s), np.where(right, mean, 0.0), np.ones_like(s)], axis=-1)
-    return np.where((right | flat)[:, None, None], frames.rotation * axes[:, None, :], factors)
+    return PrincipalFrame(frames.rotation, np.where(right, mean, s), np.where(right, mean, np.where(flat, 0.0, t)))
+
+
+def _settled_factors(rims: Sequence[Rim], frames: PrincipalFrame, settled: PrincipalFrame) -> FloatArray:
+    """Return the factors (m, 3, 3) of the rims' cones, of those that are not `settled` as they were measured."""
+    s, t = settled.tan_half_major, settled.tan_half_minor
+    is_settled = (s != frames.tan_half_major) | (t != frames.tan_half_minor)
+    axes = np.stack([s, t, np.ones_like(s)], axis=-1)
+    measured = np.stack([rim.cone.factor for rim in rims])
+    return np.where(is_settled[:, None, None], settled.rotation * axes[:, None, :], measured)
 
 
 def _covariances(
@@ -192,11 +214,10 @@ def compared(candidate: Candidate, reference: Sequence[Candidate]) -> Candidate:
     if not reference:
         return candidate
     nearest = max(reference, key=lambda other: float(other.normal @ candidate.normal))
-    chord = float(np.linalg.norm(nearest.normal - candidate.normal))
     return replace(
         candidate,
         position_difference_mm=float(np.linalg.norm(nearest.center - candidate.center)),
-        orientation_difference_deg=float(np.degrees(2.0 * np.arcsin(min(1.0, chord / 2.0)))),
+        orientation_difference_deg=float(np.degrees(angle_between(nearest.normal, candidate.normal))),
     )
 
 

@@ -1,53 +1,50 @@
 """Which rims in an image belong together, as the circles of one ring target.
 
-A rim is taken for the target's largest circle; each of its candidate poses says where the other circles must be
-seen: at the same centre (coplanar), or along the normal at the part's height, in front or behind (coaxial). Where
-each is seen there, within a tolerance, these rims are a family.
+A rim is taken for the largest circle of the target. Each of its candidate poses predicts the images of the other
+circles: at the same center (coplanar), or along the normal at the part's height, in front or behind (coaxial). Where
+every circle has a rim there, within a tolerance, these rims are a match.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from circlepose._typing import FloatArray
 from circlepose.camera.camera import Camera
-from circlepose.detection.contour import WANTED_SIGN
-from circlepose.fitting.observations import Observations
 from circlepose.measurement.edge_fit import Rim
-from circlepose.measurement.poses import settled_factor
-from circlepose.rings.reprojection import misfits_px
-from circlepose.solvers.fu_zhou_coaxial import height_from_generatrix
-from circlepose.solvers.registry import Solutions, solve
+from circlepose.results import Failure, Status
+from circlepose.rings.hypotheses import (
+    Misfit,
+    SolvedRim,
+    as_largest_circle,
+    least_misfit,
+    other_heights,
+    solve_rims,
+)
+from circlepose.rings.options import DEFAULT, RingOptions
+from circlepose.solvers.registry import Solutions
 from circlepose.targets.target import Target
-
-_MISFIT_SHARE = 0.08
-"""Rims belong together when one predicts the other to this share of its semi-major axis, or _MISFIT_PX."""
-_MISFIT_PX = 1.5
-_LARGER = 1.3
-"""Farther away or not, a smaller circle's image is not larger than this times the largest circle's."""
-_HIGHEST = 3.0
-"""Largest height of a coaxial target without a generatrix, in its big radii."""
-_HEIGHTS = 61
-_FINER = 11
-_FEW = 24
-"""Edges that tell roughly at which height a circle is."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Family:
-    """The rims of one target."""
+class RingMatch:
+    """The rims of one target, the largest circle's first."""
 
     members: tuple[int, ...]
-    """of each circle of the target, the largest first: the number of its rim"""
+    """(k) index of each circle's rim among all rims"""
+    rims: tuple[SolvedRim, ...]
+    """(k) these rims"""
     solutions: Solutions
-    """of the first rim by chen-huang: (c) candidates"""
+    """of the largest circle by Chen & Huang: c candidates"""
     misfits_px: FloatArray
-    """(k - 1, c) rms distance of each other rim from where a candidate pose of the first predicts it"""
+    """(k - 1, c) rms distance of each other rim from where a candidate pose of the largest circle predicts it"""
+    heights_mm: FloatArray
+    """(k - 1, c) its height in front of the largest circle in that prediction"""
     allowed_px: FloatArray
-    """(k - 1,) misfit with which a rim is accepted"""
+    """(k - 1,) misfit up to which a rim is accepted"""
 
     @property
     def strain(self) -> float:
@@ -55,135 +52,174 @@ class Family:
         return float(np.max(self.misfits_px.min(axis=1) / self.allowed_px))
 
 
-def find_families(rims: Sequence[Rim], camera: Camera, target: Target) -> list[Family]:
-    """Return up to `target.count` families among `rims`, no rim in two of them, best agreement first."""
-    seen = [Observations.of(camera, rim.points) for rim in rims]
-    families = []
-    for first, rim in enumerate(rims):
-        solutions = largest_circle(rim, seen[first], target)
-        if solutions is None:
-            continue
-        others = [
-            _best_other(first, solutions, which, rims, seen, target) for which in range(1, len(target.radii_mm))
-        ]
-        found = [other for other in others if other is not None]
-        members = (first, *(number for number, _ in found))
-        if len(found) == len(others) and len(set(members)) == len(members):
-            misfits = np.stack([misfits for _, misfits in found])
-            allowed = np.array([allowed_px(rims[number]) for number, _ in found])
-            families.append(Family(members, solutions, misfits, allowed))
-    families.sort(key=lambda family: family.strain)
-    kept: list[Family] = []
-    used: set[int] = set()
-    for family in families:
-        if not used & set(family.members) and (target.count is None or len(kept) < target.count):
-            used |= set(family.members)
-            kept.append(family)
-    return kept
+@dataclass(frozen=True, slots=True, eq=False)
+class MatchedRims:
+    """All rims of an image, and which of them belong together."""
+
+    rims: tuple[SolvedRim, ...]
+    """the most evident first"""
+    matches: tuple[RingMatch, ...]
+    """best agreement first; no rim is in two of them"""
+
+    def wanted(self, target: Target) -> tuple[RingMatch, ...]:
+        """Return as many matches as the target asks for."""
+        return self.matches[: target.count]
 
 
-def largest_circle(rim: Rim, seen: Observations, target: Target) -> Solutions | None:
-    """Return the poses of `rim` as the target's largest circle; None where what is known of it rules that out."""
-    if WANTED_SIGN[target.polarity] * rim.polarity < 0:
-        return None
-    return as_circle(rim, seen, target, 0)
+def match_rings(
+    rims: Sequence[Rim], camera: Camera, target: Target, *, options: RingOptions = DEFAULT
+) -> MatchedRims:
+    """Find the rims that belong together as the circles of one ring target.
 
+    Parameters
+    ----------
+    rims
+        (m) measured rims, the most evident first.
+    camera
+        The calibration for this image size.
+    target
+        A target of kind `coplanar` or `coaxial`.
+    options
+        The numbers of ring targets.
 
-def as_circle(rim: Rim, seen: Observations, target: Target, which: int) -> Solutions | None:
-    """Return the poses of `rim` as the target's circle number `which`.
-
-    None where it has none in the depth range, or its axes would put the largest circle's outside their intervals.
+    Returns
+    -------
+    The rims, solved, and all matches. Source: the target's geometry; see `rings.reprojection`.
     """
-    share = target.radii_mm[which] / target.radii_mm[0]
-    axes = target.axis_intervals
-    if axes is not None and not (
-        axes.holds_major(2.0 * float(rim.ellipse.semi_major) / share)
-        and axes.holds_minor(2.0 * float(rim.ellipse.semi_minor) / share)
-    ):
-        return None
-    solutions = solve("chen-huang", settled_factor(rim), seen.rays, target.radii_mm[which])
-    if isinstance(solutions, str):
-        return None
-    if target.depth_range_mm is not None:
-        nearest, farthest = target.depth_range_mm
-        if not np.any((solutions.centers[:, 2] >= nearest) & (solutions.centers[:, 2] <= farthest)):
-            return None
-    return solutions
+    return match_solved(solve_rims(rims, camera), target, options)
 
 
-def other_heights(which: int, target: Target) -> FloatArray | None:
-    """Return where the target's circle number `which` can be along the normal, mm in front; None where anywhere."""
-    if target.kind == "coplanar":
-        return np.zeros(1)
-    if target.generatrix_mm is None:
-        return None
-    height = height_from_generatrix(target.generatrix_mm, target.radii_mm[0], target.radii_mm[which])
-    return np.array([float(height), -float(height)])
+def match_solved(rims: tuple[SolvedRim, ...], target: Target, options: RingOptions) -> MatchedRims:
+    """As `match_rings`, of rims that are solved."""
+    found = [
+        match for first in range(len(rims)) if isinstance(match := _match(first, rims, target, options), RingMatch)
+    ]
+    return MatchedRims(rims, tuple(_without_conflicts(found)))
 
 
-def least_misfit(
-    center: FloatArray, normal: FloatArray, which: int, seen: Observations, target: Target
-) -> tuple[float, float]:
-    """Return how near, px, edges `seen` are to circle number `which` of a target at a pose, and at which height."""
-    radius = target.radii_mm[which]
-    heights = other_heights(which, target)
-    if heights is None:
-        return free_height(center, normal, radius, seen, _HIGHEST * target.radii_mm[0])
-    misfits = misfits_px(center + heights[:, None] * normal, normal, radius, seen.rays, seen.jacobians)
-    best = int(np.argmin(misfits))
-    return float(misfits[best]), float(heights[best])
+def matched_again(
+    matched: MatchedRims, rims: Sequence[Rim], camera: Camera, target: Target, options: RingOptions
+) -> MatchedRims:
+    """Return the same matches of rims that were measured again, without those that do not hold any more.
+
+    Parameters
+    ----------
+    matched
+        The matches of the rims before.
+    rims
+        (m) the same rims in the same order, measured again.
+    camera, target, options
+        See `match_rings`.
+    """
+    numbers = [number for match in matched.matches for number in match.members]
+    if all(rims[number] is matched.rims[number].rim for number in numbers):
+        return matched
+    solved = dict(zip(numbers, solve_rims([rims[number] for number in numbers], camera), strict=True))
+    again = [_measured_again(match, solved, target, options) for match in matched.matches]
+    kept = sorted((each for each in again if isinstance(each, RingMatch)), key=lambda match: match.strain)
+    return MatchedRims(tuple(solved.get(n, rim) for n, rim in enumerate(matched.rims)), tuple(kept))
 
 
-def free_height(
-    center: FloatArray, normal: FloatArray, radius: float, seen: Observations, highest: float
-) -> tuple[float, float]:
-    """Return the least misfit, px, of a circle anywhere on the axis up to `highest`, and its height there."""
-    step = 2.0 * highest / (_HEIGHTS - 1)
-    few = slice(None, None, max(1, len(seen) // _FEW))
-    best, least = 0.0, np.inf
-    for reach, number, edges in (
-        (highest, _HEIGHTS, few),
-        (step, _FINER, slice(None)),
-        (2.0 * step / (_FINER - 1), _FINER, slice(None)),
-    ):
-        heights = best + np.linspace(-reach, reach, number)
-        centers = center + heights[:, None] * normal
-        misfits = misfits_px(centers, normal, radius, seen.rays[edges], seen.jacobians[edges])
-        best, least = float(heights[int(np.argmin(misfits))]), float(misfits.min())
-    return least, best
+def allowed_px(rim: Rim, options: RingOptions) -> float:
+    """Return the misfit, px, up to which a rim is accepted as a circle of a target."""
+    return max(options.match_px, options.match_share * float(rim.ellipse.semi_major))
 
 
-def allowed_px(rim: Rim) -> float:
-    """Return the misfit with which `rim` is still taken for a circle of a family."""
-    return max(_MISFIT_PX, _MISFIT_SHARE * float(rim.ellipse.semi_major))
-
-
-def may_belong(first: Rim, second: Rim, target: Target) -> bool:
-    """Tell whether `second` can be another circle of the target whose largest is `first`, by place and size alone."""
+def may_belong(first: Rim, second: Rim, target: Target, options: RingOptions) -> bool:
+    """Whether `second` can be another circle of the target whose largest is `first`, by place and size alone."""
     largest = float(first.ellipse.semi_major)
-    if float(second.ellipse.semi_major) >= _LARGER * largest:
+    if float(second.ellipse.semi_major) >= options.largest_ratio * largest:
         return False
-    heights = None if target.kind == "coplanar" else other_heights(1, target)
-    reach = (
-        0.5 if target.kind == "coplanar" else 1.5 * (_HIGHEST if heights is None else heights[0] / target.radii_mm[0])
-    )
-    return float(np.linalg.norm(second.ellipse.center - first.ellipse.center)) <= (0.5 + reach) * largest
+    farthest = 1.0
+    if target.kind == "coaxial":
+        heights = other_heights(1, target)
+        highest = options.highest_radii if heights is None else float(heights[0]) / target.radii_mm[0]
+        farthest = 0.5 + 1.5 * highest
+    return float(np.linalg.norm(second.ellipse.center - first.ellipse.center)) <= farthest * largest
+
+
+def _match(first: int, rims: Sequence[SolvedRim], target: Target, options: RingOptions) -> RingMatch | Failure:
+    """Return the match whose largest circle is rim number `first`."""
+    solutions = as_largest_circle(rims[first], target)
+    if isinstance(solutions, Failure):
+        return solutions
+    members, predictions = [first], []
+    for which in range(1, len(target.radii_mm)):
+        best = _best_other(first, solutions, which, rims, target, options)
+        if isinstance(best, Failure):
+            return best
+        members.append(best[0])
+        predictions.append(best[1])
+    if len(set(members)) < len(members):
+        return Failure(Status.TOO_FEW_CIRCLES, "one rim would be two circles of the target")
+    return _with_predictions(tuple(members), tuple(rims[n] for n in members), solutions, predictions, options)
 
 
 def _best_other(
-    first: int, solutions: Solutions, which: int, rims: Sequence[Rim], seen: Sequence[Observations], target: Target
-) -> tuple[int, FloatArray] | None:
-    """Return the number of the rim that is circle number `which`, were `first` the largest, and its misfits (c,)."""
-    best: tuple[int, FloatArray] | None = None
-    for number, rim in enumerate(rims):
-        if number == first or not may_belong(rims[first], rim, target):
+    first: int, solutions: Solutions, which: int, rims: Sequence[SolvedRim], target: Target, options: RingOptions
+) -> tuple[int, list[Misfit]] | Failure:
+    """Return the number of the rim that is circle `which`, were `first` the largest, and its misfits (c)."""
+    best: tuple[int, list[Misfit]] | None = None
+    for number, other in enumerate(rims):
+        if number == first or not may_belong(rims[first].rim, other.rim, target, options):
             continue
-        misfits = np.array(
-            [
-                least_misfit(center, normal, which, seen[number], target)[0]
-                for center, normal in zip(solutions.centers, solutions.normals, strict=True)
-            ]
-        )
-        if misfits.min() <= allowed_px(rim) and (best is None or misfits.min() < best[1].min()):
+        misfits = _misfits(solutions, which, other, target, options)
+        least = _least_px(misfits)
+        if least <= allowed_px(other.rim, options) and (best is None or least < _least_px(best[1])):
             best = number, misfits
-    return best
+    return Failure(Status.TOO_FEW_CIRCLES, "a circle of the target is not seen") if best is None else best
+
+
+def _measured_again(
+    match: RingMatch, solved: Mapping[int, SolvedRim], target: Target, options: RingOptions
+) -> RingMatch | Failure:
+    """Return the match of the same rims, measured again."""
+    rims = tuple(solved[number] for number in match.members)
+    solutions = as_largest_circle(rims[0], target)
+    if isinstance(solutions, Failure):
+        return solutions
+    predictions = [_misfits(solutions, which, rim, target, options) for which, rim in enumerate(rims[1:], start=1)]
+    again = _with_predictions(match.members, rims, solutions, predictions, options)
+    return again if again.strain <= 1.0 else Failure(Status.TOO_FEW_CIRCLES, "the rims do not fit the target")
+
+
+def _misfits(
+    solutions: Solutions, which: int, other: SolvedRim, target: Target, options: RingOptions
+) -> list[Misfit]:
+    """Return the misfit of a rim as circle number `which` by each candidate pose of the largest circle."""
+    return [
+        least_misfit(center, normal, which, other.seen, target, options)
+        for center, normal in zip(solutions.centers, solutions.normals, strict=True)
+    ]
+
+
+def _least_px(misfits: Sequence[Misfit]) -> float:
+    return min(misfit.rms_px for misfit in misfits)
+
+
+def _with_predictions(
+    members: tuple[int, ...],
+    rims: tuple[SolvedRim, ...],
+    solutions: Solutions,
+    predictions: Sequence[Sequence[Misfit]],
+    options: RingOptions,
+) -> RingMatch:
+    return RingMatch(
+        members,
+        rims,
+        solutions,
+        misfits_px=np.array([[misfit.rms_px for misfit in misfits] for misfits in predictions]),
+        heights_mm=np.array([[misfit.height_mm for misfit in misfits] for misfits in predictions]),
+        allowed_px=np.array([allowed_px(other.rim, options) for other in rims[1:]]),
+    )
+
+
+def _without_conflicts(found: Sequence[RingMatch]) -> list[RingMatch]:
+    """Return the matches in the order of their strain, no rim in two of them."""
+    kept: list[RingMatch] = []
+    used: set[int] = set()
+    for match in sorted(found, key=lambda match: match.strain):
+        if used.isdisjoint(match.members):
+            used.update(match.members)
+            kept.append(match)
+    return kept

@@ -1,52 +1,26 @@
-"""The candidate poses of a ring target, each of all its rims together, and which is right."""
+"""The candidate poses of a ring target, each fitted to all of its rims together, and which of them is right."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from circlepose._typing import FloatArray
-from circlepose.camera.camera import Camera
-from circlepose.fitting.observations import Observations
-from circlepose.geometry.cone import ConeKind, principal_frame
-from circlepose.geometry.cone_perturbation import MODES
-from circlepose.geometry.ellipse import signed_distance
-from circlepose.measurement.edge_fit import Rim
+from circlepose.geometry.cone import ConeKind
+from circlepose.results import Failure, Status
+from circlepose.rings.evidence import RimEvidence, evidence_of_rims
 from circlepose.rings.flatness import free_heights, is_stepped, log_flatness
-from circlepose.rings.joint_pose import (
-    RADIUS_SHARE,
-    AxisPose,
-    JointPose,
-    RimEvidence,
-    RingProblem,
-    are_one,
-    chance_of_second,
-    from_edges,
-    from_levels,
-)
-from circlepose.rings.matching import least_misfit, other_heights
+from circlepose.rings.hypotheses import least_misfit, other_heights
+from circlepose.rings.joint_pose import AxisPose, JointPose, RingProblem, are_one, chance_of_second
+from circlepose.rings.matching import RingMatch
+from circlepose.rings.options import DEFAULT, RingOptions
 from circlepose.solvers.chen_huang import poses_from_frame
 from circlepose.targets.target import Target
 
-_PLACES = 90
-_LEAST_SCATTER_PX = 0.02
-_EDGES_PX2 = 10.0
-"""Edges are off all together, by blur, the curvature of the rim and its neighbours: by this over the squared
-semi-minor axis, in rendered views."""
-_MOST_COMMON_PX = 0.5
-_CONTRADICTED = 0.5
-"""Mean squared standard errors, of edges, by which these contradict a fit to the levels."""
-_BESIDE_PX = 6.0
-_BESIDE_EDGES = 2.0
-_BESIDE_LEVELS_PX = 0.02
-_BESIDE_APART_PX = 0.08
-"""Where coaxial rims come so close, or one hides part of the other: edges are off by so much more all together, each
-mode of a fit to levels by that much, and such a fit is contradicted by edges that far away."""
 _FLATTEST = 1e-9
-"""Relative determinant of a cone's factor below which its circle is seen edge-on."""
+"""Relative determinant of a cone's factor, below which its circle is seen edge-on; numerical."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,25 +28,26 @@ class TargetPoses:
     """The poses of a target that its rims allow, the likelier first."""
 
     poses: tuple[AxisPose, ...]
-    """one or two"""
+    """one or two; mm, camera frame"""
     covariances: tuple[tuple[FloatArray, ...] | None, ...]
-    """of each pose, for each circle (5, 5); None where none can be vouched for"""
+    """of each pose, for each circle (5, 5); None where it is not known"""
     tilts: tuple[FloatArray, ...]
-    """(2, 2) of each pose, the covariance of the normal's tilts, also where none can be vouched for"""
+    """(2, 2) of each pose, the covariance of the normal's tilts, also where the other is not known"""
     ambiguity: float
     """probability that the first is wrong"""
     rims: tuple[RimEvidence, ...]
     """what was fitted, the largest circle's first"""
     heights: tuple[tuple[float, float], ...]
-    """of each pose, how far the other circles are in front of the largest, and its standard deviation; of coplanar
-    circles with nothing known of it"""
+    """of each pose, the height (mm) of the other circles in front of the largest and its standard deviation; of
+    coplanar circles as measured without the assumption that they are flat"""
     excess: float = 1.0
-    """by how much the misfit of the first pose makes variances larger than told, with a free height"""
+    """the ratio by which the misfit of the first pose, with a free height, inflates variances"""
     not_flat: bool = False
     """the circles of a coplanar target are not in one plane, with the first pose"""
 
 
-class _Hypothesis(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class _Hypothesis:
     """A pose with its log weight; of coplanar circles also the pose with a free height, where there is one."""
 
     joint: JointPose
@@ -86,77 +61,113 @@ class _Hypothesis(NamedTuple):
 
 
 def target_poses(
-    rims: Sequence[Rim], camera: Camera, target: Target, cone: str, *, placed: bool = True
-) -> TargetPoses | None:
-    """Return the poses of the target whose circles have these `rims`, the largest first.
+    match: RingMatch, target: Target, *, placed: bool = True, options: RingOptions = DEFAULT
+) -> TargetPoses | Failure:
+    """Fit one pose to all rims of a target, from each candidate of its largest circle.
 
-    `cone` is the kind of the largest circle's; of a right one a single pose comes back. `placed` tells whether edges
-    were placed along the rims: of a contour's own points nobody knows how far they are off in common, and there is
-    no covariance. None where a rim is seen edge-on, or no pose agrees with them.
+    Parameters
+    ----------
+    match
+        The rims of the target.
+    target
+        The ring target.
+    placed
+        Whether edges were located along the rims. The common error of a contour's own points is not known, so there
+        is no covariance.
+    options
+        The numbers of ring targets.
+
+    Returns
+    -------
+    One pose where the largest circle's cone is right, else one or two; mm, camera frame. It fails where a rim is seen
+    edge-on, or no pose agrees with the rims. Source: least squares over the modes of all cones, `rings.joint_pose`.
     """
-    if any(_is_flat(rim.cone.factor) for rim in rims):
-        return None
-    seen = [_within_model(Observations.of(camera, rim.points)) for rim in rims]
-    beside = target.kind == "coaxial" and _gap_px(rims[0], rims[1]) < _BESIDE_PX
-    evidence = tuple(
-        _evidence(rim, radius, points, beside=beside)
-        for rim, radius, points in zip(rims, target.radii_mm, seen, strict=True)
-    )
-    centers, normals = poses_from_frame(principal_frame(rims[0].cone.factor), target.radii_mm[0])
-    starts, problems = [], []
-    for center, normal in zip(centers, normals, strict=True):
-        height = 0.0 if target.kind == "coplanar" else least_misfit(center, normal, 1, seen[1], target)[1]
-        starts.append(AxisPose(center, normal, height))
-        problems.append(RingProblem(evidence, height, _height_sigma(target)))
-    found = _optima(problems, starts)
+    if any(_is_flat(each.rim.cone.factor) for each in match.rims):
+        return Failure(Status.NO_POSE, "a circle of the target is seen edge-on")
+    evidence = evidence_of_rims(match.rims, target, options)
+    starts = _starts(match, target, options)
+    problems = [RingProblem(evidence, start.height, _height_sigma(target, options), options) for start in starts]
+    found = _minima(problems, starts, options)
     if target.kind == "coplanar":
-        hypotheses = _hypotheses_of_coplanar(evidence, starts, found, target.flatness_mm)
+        hypotheses = _hypotheses_of_coplanar(evidence, starts, found, target.flatness_mm, options)
     else:
-        hypotheses = [_Hypothesis(joint, joint.log_weight) for joint in found if joint is not None]
-    return _ranked(hypotheses, evidence, placed, cone)
+        hypotheses = [_Hypothesis(joint, joint.log_weight) for joint in found if isinstance(joint, JointPose)]
+    if not hypotheses:
+        return Failure(Status.NO_POSE, "no pose agrees with all circles of the target")
+    return _ranked(hypotheses, evidence, placed, match.solutions.cone)
 
 
-def _optima(problems: Sequence[RingProblem], starts: Sequence[AxisPose]) -> list[JointPose | None]:
-    """Return the optimum of each of two candidates; None of one with which no pose agrees."""
+def _starts(match: RingMatch, target: Target, options: RingOptions) -> list[AxisPose]:
+    """Return both candidate poses of the largest circle, by its measured cone, with the height of the others."""
+    largest = match.rims[0]
+    are_known = not largest.is_settled and len(match.solutions.centers) == 2
+    centers, normals = match.solutions.centers, match.solutions.normals
+    if not are_known:
+        centers, normals = poses_from_frame(largest.frame, target.radii_mm[0])
+    if target.kind == "coplanar":
+        heights = [0.0, 0.0]
+    elif not are_known:
+        seen = match.rims[1].seen
+        heights = [
+            least_misfit(center, normal, 1, seen, target, options).height_mm
+            for center, normal in zip(centers, normals, strict=True)
+        ]
+    else:
+        heights = match.heights_mm[0].tolist()
+    return [AxisPose(*pose) for pose in zip(centers, normals, heights, strict=True)]
+
+
+def _minima(
+    problems: Sequence[RingProblem], starts: Sequence[AxisPose], options: RingOptions
+) -> list[JointPose | Failure]:
+    """Return the joint pose of each of two candidates."""
     solved = [problem.solve(start) for problem, start in zip(problems, starts, strict=True)]
     first, second = solved
-    if first is not None and second is not None and are_one(first, second):
-        # All rims together leave one optimum; the other candidate is then the largest circle's own.
+    if isinstance(first, JointPose) and isinstance(second, JointPose) and are_one(first, second, options=options):
+        # All rims together leave one minimum; the other candidate is then the largest circle's own.
         other = int(np.argmin([start.normal @ first.pose.normal for start in starts]))
-        solved[other] = None
+        solved[other] = Failure(Status.NO_POSE, "both candidates lead to one joint pose")
     return [
-        problem.at(start) if each is None else each
+        each if isinstance(each, JointPose) else problem.at(start)
         for each, problem, start in zip(solved, problems, starts, strict=True)
     ]
 
 
 def _hypotheses_of_coplanar(
-    rims: tuple[RimEvidence, ...], starts: list[AxisPose], tolerant: Sequence[JointPose | None], flatness_mm: float
+    rims: tuple[RimEvidence, ...],
+    starts: Sequence[AxisPose],
+    tolerant: Sequence[JointPose | Failure],
+    flatness_mm: float,
+    options: RingOptions,
 ) -> list[_Hypothesis]:
     """Return the hypotheses of a coplanar target from its candidates' `starts` and fits `tolerant` of its flatness.
 
     Fits with a free height compete, each weighted by how flat it is; where they are not two, near the axis, the
     tolerant ones do. A candidate under which the target has a step is fitted flat: it stands for a flat target.
     """
-    free = free_heights(rims, starts)
-    are_two = None not in free and not are_one(*(each for each in free if each is not None))
-    stepped = [known is not None and is_stepped(known, flatness_mm) for known in free]
-    flat = _optima([RingProblem(rims)] * 2, starts) if any(stepped) else tolerant
+    free = [_pose_or_none(each) for each in free_heights(rims, starts, options)]
+    known = [each for each in free if each is not None]
+    are_two = len(known) == len(free) and not are_one(known[0], known[1], options=options)
+    stepped = [each is not None and is_stepped(each, flatness_mm, options) for each in free]
+    flat = _minima([RingProblem(rims, options=options)] * 2, starts, options) if any(stepped) else tolerant
     hypotheses = []
-    for usual, known, has_step, exact in zip(tolerant, free, stepped, flat, strict=True):
-        joint = (exact if has_step else usual) or usual or known
+    for usual, unconstrained, has_step, exact in zip(tolerant, free, stepped, flat, strict=True):
+        joint = (_pose_or_none(exact) if has_step else None) or _pose_or_none(usual) or unconstrained
         if joint is None:
             continue
         weight = joint.log_weight
-        if are_two and known is not None:
-            weight = known.log_weight + log_flatness(known, flatness_mm)
-        hypotheses.append(_Hypothesis(joint, weight, known, has_step))
+        if are_two and unconstrained is not None:
+            weight = unconstrained.log_weight + log_flatness(unconstrained, flatness_mm, options)
+        hypotheses.append(_Hypothesis(joint, weight, unconstrained, has_step))
     return hypotheses
 
 
-def _ranked(found: list[_Hypothesis], rims: tuple[RimEvidence, ...], placed: bool, cone: str) -> TargetPoses | None:
-    if not found:
-        return None
+def _pose_or_none(found: JointPose | Failure) -> JointPose | None:
+    return found if isinstance(found, JointPose) else None
+
+
+def _ranked(found: Sequence[_Hypothesis], rims: tuple[RimEvidence, ...], placed: bool, cone: str) -> TargetPoses:
+    """Return the hypotheses as poses, the likelier first; of a right `cone` one."""
     found = sorted(found, key=lambda hypothesis: -hypothesis.log_weight)
     not_flat = found[0].is_stepped
     joints = [hypothesis.freest if not_flat else hypothesis.joint for hypothesis in found]
@@ -164,9 +175,9 @@ def _ranked(found: list[_Hypothesis], rims: tuple[RimEvidence, ...], placed: boo
     numbers = range(len(rims))
     covariances = [[joint.covariance_of(i) for i in numbers] for joint in joints]
     if cone == ConeKind.RIGHT and len(joints) == 2:
-        # One pose is told; that it may be the other, close by, is a part of its error.
+        # One pose is reported. That it may be the other one, close by, is a part of its error.
         offsets = [joints[0].pose.offset(i, joints[1].pose) for i in numbers]
-        covariances[0] = [told + chance * np.outer(o, o) for told, o in zip(covariances[0], offsets, strict=True)]
+        covariances[0] = [own + chance * np.outer(o, o) for own, o in zip(covariances[0], offsets, strict=True)]
         joints, chance = joints[:1], 0.0
     return TargetPoses(
         poses=tuple(joint.pose for joint in joints),
@@ -180,41 +191,12 @@ def _ranked(found: list[_Hypothesis], rims: tuple[RimEvidence, ...], placed: boo
     )
 
 
-def _evidence(rim: Rim, radius: float, seen: Observations, *, beside: bool) -> RimEvidence:
-    """Return what a rim tells: its levels, unless its edges contradict them, or else the edges.
-
-    `beside`: one circle hides part of another, or nearly does, so that the surroundings change along the rim.
-    """
-    semi_major, semi_minor = float(rim.ellipse.semi_major), float(rim.ellipse.semi_minor)
-    common = min(_EDGES_PX2 / semi_minor**2, _MOST_COMMON_PX) * (_BESIDE_EDGES if beside else 1.0)
-    scatter = max(rim.cone.rms_px, _LEAST_SCATTER_PX)
-    edges = from_edges(rim.cone.factor, radius, seen.rays, seen.jacobians, scatter, common)
-    if rim.modes_covariance is None or not np.all(np.linalg.eigvalsh(rim.modes_covariance) > 0.0):
-        return edges
-    apart = edges.amounts
-    if beside:
-        is_contradicted = float(np.linalg.norm(apart)) * semi_major > _BESIDE_APART_PX
-        uneven = (_BESIDE_LEVELS_PX / semi_major) ** 2 * np.eye(MODES)
-    else:
-        is_contradicted = bool(apart @ edges.information @ apart > _CONTRADICTED * MODES)
-        uneven = np.zeros((MODES, MODES))
-    return edges if is_contradicted else from_levels(rim.cone.factor, radius, rim.modes_covariance + uneven)
-
-
-def _within_model(seen: Observations) -> Observations:
-    return seen[np.all(np.isfinite(seen.rays), axis=-1)]
-
-
-def _gap_px(first: Rim, second: Rim) -> float:
-    """Return the least distance, px, between two rims in the image."""
-    return float(np.min(np.abs(signed_distance(first.ellipse, second.ellipse.points(_PLACES)))))
-
-
-def _height_sigma(target: Target) -> float:
+def _height_sigma(target: Target, options: RingOptions) -> float:
+    """Return the standard deviation of the height, mm; infinite where nothing is known."""
     if target.kind == "coplanar":
         return target.flatness_mm
     heights = other_heights(1, target)
-    return np.inf if heights is None else RADIUS_SHARE * max(float(heights[0]), target.radii_mm[0])
+    return np.inf if heights is None else options.radius_share * max(float(heights[0]), target.radii_mm[0])
 
 
 def _is_flat(factor: FloatArray) -> bool:

@@ -1,49 +1,77 @@
-"""Which candidate of one circle is right, told by a second circle of the same target.
+"""How far a second circle's edges are from where a pose of the first predicts them, and which pose that favors.
 
-A candidate pose of the first circle says where the second must be seen: at the same centre (coplanar rings),
-or along the normal at the height of the part (coaxial). How far the second circle's measured edge is from
-there, in px, is the cue.
+A candidate pose of the first circle predicts the image of the second: at the same center (coplanar rings), or along
+the normal at the height of the part (coaxial). The rms distance of the measured edges from it, in px, is the cue.
 """
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
+from circlepose._numerics import logistic
 from circlepose._typing import FloatArray
-from circlepose.fitting.observations import rim_distance_px
+from circlepose.fitting.observations import rim_distances_px
 from circlepose.geometry.cone import factor_from_circle
+from circlepose.rings.options import DEFAULT, RingOptions
 
-INDEPENDENT_EDGES = 6.0
-"""A rim's edge errors are correlated along it: a misfit is worth no more than so many independent edges."""
-LEAST_NOISE_PX = 0.02
 _FLAT = 1e-9
-"""Relative determinant of a viewing cone's factor below which the circle is seen edge-on."""
+"""Relative determinant of a viewing cone's factor, below which the circle is seen edge-on; numerical."""
 
 
 def misfits_px(
     centers: FloatArray, normal: FloatArray, radius: float, rays: FloatArray, jacobians: FloatArray
 ) -> FloatArray:
-    """Return the rms distances (h,), px, of measured edges to the rim of a circle placed at each of `centers` (h, 3).
+    """Return the rms distances of measured edges from the rim of a circle placed at each of several centers.
 
-    With unit `normal` (3,), `rays` (n, 3) of the edges and `jacobians` (n, 3, 2) = d ray / d pixel; the distance is
-    that of `fitting.observations.rim_distance_px`. Infinite where the circle cannot be seen at all.
+    Parameters
+    ----------
+    centers
+        (h, 3) in the unit of `radius`, camera frame.
+    normal
+        (3,) unit vector.
+    radius
+        Of the circle.
+    rays
+        (n, 3) of the edges.
+    jacobians
+        (n, 3, 2) = d ray / d pixel.
+
+    Returns
+    -------
+    (h,) px, root mean square of `fitting.cone_fit.rim_distance_px`. Infinite where the circle cannot be seen at all.
     """
     factors = factor_from_circle(centers, normal, radius)
     flat = np.abs(np.linalg.det(factors)) < _FLAT * radius**2 * np.linalg.norm(centers, axis=-1)
-    proper = np.where(flat[:, None, None], np.eye(3), factors)
+    number, edges = len(centers), len(rays)
+    owner = np.repeat(np.arange(number), edges)
     with np.errstate(divide="ignore", invalid="ignore"):
-        squared = np.mean(rim_distance_px(proper, rays, jacobians) ** 2, axis=-1)
+        distances = rim_distances_px(
+            np.where(flat[:, None, None], np.eye(3), factors),
+            owner,
+            np.tile(rays, (number, 1)),
+            np.tile(jacobians, (number, 1, 1)),
+        )
+        squared = np.mean(distances.reshape(number, edges) ** 2, axis=-1)
     return np.where(flat | ~np.isfinite(squared), np.inf, np.sqrt(squared))
 
 
-def ambiguity(misfit_chosen_px: float, misfit_other_px: float, noise_px: float) -> float:
+def ambiguity(
+    misfit_chosen_px: float, misfit_other_px: float, noise_px: float, *, options: RingOptions = DEFAULT
+) -> float:
     """Return the probability that the candidate with the smaller misfit is the wrong one.
 
-    Two hypotheses, equally likely before, with Gaussian edge errors of `noise_px`:
-    log odds = (other^2 - chosen^2) n / (2 noise^2), n independent edges.
+    Two hypotheses, equally likely before, with n independent Gaussian edge errors:
+    log odds = n (other^2 - chosen^2) / (2 noise^2).
+
+    Parameters
+    ----------
+    misfit_chosen_px, misfit_other_px
+        rms distances of the edges from both predictions, px.
+    noise_px
+        Standard deviation of an edge, px.
+    options
+        The numbers of ring targets.
     """
-    noise = max(noise_px, LEAST_NOISE_PX)
-    log_odds = INDEPENDENT_EDGES * (misfit_other_px**2 - misfit_chosen_px**2) / (2.0 * noise**2)
-    return 1.0 / (1.0 + math.exp(min(log_odds, 700.0))) if log_odds > 0.0 else 0.5
+    noise = max(noise_px, options.misfit_noise_px)
+    log_odds = options.misfit_edges * (misfit_other_px**2 - misfit_chosen_px**2) / (2.0 * noise**2)
+    return float(logistic(-log_odds)) if log_odds > 0.0 else 0.5

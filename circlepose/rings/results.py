@@ -1,86 +1,113 @@
-"""Ring targets: the results of the rims that belong together, with the candidate that all of them agree on."""
+"""Ring targets: the results of the circles that belong together, with the candidate that all of them agree on."""
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
-import numpy as np
-
-from circlepose._typing import FloatArray
 from circlepose.camera.camera import Camera
 from circlepose.detection.contour import WANTED_SIGN, Rejection
-from circlepose.fitting.observations import Observations
-from circlepose.geometry.cone import ConeKind
 from circlepose.measurement.edge_fit import Rim
-from circlepose.measurement.poses import circle_results, compared
-from circlepose.results import Candidate, CircleResult, Flag, SettledBy
-from circlepose.rings.cues import (
-    UNTOLD,
-    VanishingCheck,
-    checked_by_vanishing_line,
-    is_settled_by_generatrix,
-    partner_of,
-    settled,
-    vanishing_check,
-    with_generatrix,
-)
+from circlepose.measurement.poses import circle_results, compared, result_without_pose, rim_flags
+from circlepose.results import CircleResult, Failure, Flag
+from circlepose.rings.circle_result import in_order, joint_result, own_result
+from circlepose.rings.decision import decide
+from circlepose.rings.diagnosis import contradiction
 from circlepose.rings.fu_zhou_route import NEEDS_RINGS, by_generatrix, by_vanishing_line, without_pose
-from circlepose.rings.matching import Family, as_circle, find_families
-from circlepose.rings.poses import TargetPoses, target_poses
-from circlepose.rings.reprojection import ambiguity
+from circlepose.rings.generatrix import generatrix_pairs, partner_of
+from circlepose.rings.hypotheses import SolvedRim, as_circle, solve_rims
+from circlepose.rings.matching import MatchedRims, RingMatch, matched_again
+from circlepose.rings.options import DEFAULT, RingOptions
+from circlepose.rings.poses import TargetPoses
 from circlepose.solvers import CIRCLE_METHODS, FU_ZHOU
 from circlepose.targets.target import Target
 
-_STRAINED_SHARE = 0.02
-"""Rims that are off their places by more than this share of their semi-major axis, or _STRAINED_PX, are told."""
-_STRAINED_PX = 1.0
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RingTargets:
+    """The ring targets of one image."""
+
+    circles: tuple[CircleResult, ...]
+    """of all targets, best agreement first; or of one circle alone, flagged `lone_circle`"""
+    rejected: Counter[Rejection]
+    """how many rims are not used, by reason"""
+    incomplete: str = ""
+    """why no rims make a complete target, beginning with a semicolon; empty where they do"""
 
 
 def find_ring_targets(
     rims: Sequence[Rim],
+    matched: MatchedRims,
     camera: Camera,
     target: Target,
     methods: tuple[str, ...],
-    rejected: Counter[Rejection],
     *,
     placed: bool = True,
-) -> list[CircleResult]:
-    """Return the results of all circles of up to `target.count` ring targets among `rims`, best agreement first.
+    options: RingOptions = DEFAULT,
+) -> RingTargets:
+    """Solve the poses of all circles of the ring targets in one image.
 
-    The first rim's candidates are solved with the largest radius; each predicts where the other circles must be
-    seen, and is then fitted to all rims together (`ring_poses`), where it is one method's poses that are asked for.
-    Without a complete target the most evident rim is reported alone, as the largest circle that what is known of the
-    target allows, flagged `lone_circle`. `placed` tells whether edges were placed along the rims.
+    One pose is fitted to all rims of a target (`rings.poses`). It is the result where the first method alone is asked
+    for. Other methods solve each circle by its own rim, and the joint pose chooses the candidate.
+
+    Parameters
+    ----------
+    rims
+        (m) the rims of the matching in their order, as they were measured last.
+    matched
+        Which of them belong together.
+    camera
+        The calibration for this image size.
+    target
+        A target of kind `coplanar` or `coaxial`.
+    methods
+        Names of `circlepose.solvers.METHODS`.
+    placed
+        Whether edges were located along the rims; else joint poses have no covariance.
+    options
+        The numbers of ring targets.
+
+    Returns
+    -------
+    The circles of up to `target.count` targets, mm, camera frame. Without a complete target the most evident rim is
+    the only one, as the largest circle that the depth range and the axis intervals allow.
     """
-    families = find_families(rims, camera, target)
-    used = sum(len(family.members) for family in families)
-    rejected[Rejection.NOT_IN_TARGET] += len(rims) - used
-    results = [
+    again = matched_again(matched, rims, camera, target, options)
+    matches = again.wanted(target)
+    used = sum(len(match.members) for match in matches)
+    rejected = Counter({Rejection.NOT_IN_TARGET: len(rims) - used})
+    circles = [
         result
-        for instance, family in enumerate(families)
-        for result in _target_results(family, rims, camera, target, methods, instance, placed)
+        for instance, match in enumerate(matches)
+        for result in _target_results(match, instance, camera, target, methods, placed, options)
     ]
-    return results or _lone_circle(rims, camera, target, methods)
+    if circles:
+        return RingTargets(tuple(circles), rejected)
+    solved = matched.rims if _are_same(rims, matched) else solve_rims(rims, camera)
+    lone = _lone_circle(solved, camera, target, methods)
+    return RingTargets(tuple(lone), rejected, contradiction(solved, target, options) if lone else "")
 
 
-def _lone_circle(rims: Sequence[Rim], camera: Camera, target: Target, methods: tuple[str, ...]) -> list[CircleResult]:
+def _are_same(rims: Sequence[Rim], matched: MatchedRims) -> bool:
+    return all(rim is solved.rim for rim, solved in zip(rims, matched.rims, strict=True))
+
+
+def _lone_circle(
+    rims: Sequence[SolvedRim], camera: Camera, target: Target, methods: tuple[str, ...]
+) -> list[CircleResult]:
     """Return the results of the most evident rim that can be a circle of `target`, as the largest that it can be."""
-    own = _own_methods(methods)
-    for rim in rims:
-        seen = Observations.of(camera, rim.points)
+    for solved in rims:
         for which, (radius, name) in enumerate(zip(target.radii_mm, target.circle_names, strict=True)):
-            # The polarity is the largest circle's; of the others it is not known.
-            if which == 0 and WANTED_SIGN[target.polarity] * rim.polarity < 0:
+            # The polarity is the largest circle's. That of the others is not known.
+            if which == 0 and WANTED_SIGN[target.polarity] * solved.rim.polarity < 0:
                 continue
-            solutions = as_circle(rim, seen, target, which)
-            if solutions is not None:
-                lone = circle_results(rim, camera, own, radius, 0, name, chen_huang=solutions)
-                if methods == (FU_ZHOU,):
-                    lone = [without_pose(result, NEEDS_RINGS) for result in lone]
-                return [replace(result, flags=(*result.flags, Flag.LONE_CIRCLE)) for result in lone]
+            if isinstance(as_circle(solved, target, which), Failure):
+                continue
+            lone = circle_results(solved.rim, camera, _own_methods(methods), radius, 0, name, frame=solved.frame)
+            if methods == (FU_ZHOU,):
+                lone = [without_pose(result, NEEDS_RINGS) for result in lone]
+            return [replace(result, flags=(*result.flags, Flag.LONE_CIRCLE)) for result in lone]
     return []
 
 
@@ -90,158 +117,84 @@ def _own_methods(methods: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _target_results(
-    family: Family,
-    rims: Sequence[Rim],
+    match: RingMatch,
+    instance: int,
     camera: Camera,
     target: Target,
     methods: tuple[str, ...],
-    instance: int,
     placed: bool,
+    options: RingOptions,
 ) -> list[CircleResult]:
-    """Results of one target's circles: by one pose of them all, each method's own ones in the order that it tells."""
-    members = [rims[number] for number in family.members]
-    poses = target_poses(members, camera, target, family.solutions.cone, placed=placed)
-    is_strained = _is_strained(family, rims)
-    own = [
-        result
-        for number, (rim, radius, name) in enumerate(zip(members, target.radii_mm, target.circle_names, strict=True))
-        for result in circle_results(
-            rim,
-            camera,
-            _own_methods(methods),
-            radius,
-            instance,
-            name,
-            chen_huang=family.solutions if number == 0 else None,
-        )
-    ]
-    own = [replace(result, flags=(*result.flags, *_flags(poses, is_strained=is_strained))) for result in own]
-    check = None
-    if poses is not None and target.kind == "coplanar":
-        check = vanishing_check(poses, target.flatness_mm)
+    """Return the results of one target's circles, those of one circle together."""
+    decision = decide(match, target, placed, options)
+    joint = decision.joint
+    is_joint = False
+    if methods == (CIRCLE_METHODS[0],) and isinstance(joint, TargetPoses):
+        # Where methods are compared, or lengths contradict each other, each circle keeps its own poses.
+        is_joint = joint.not_flat or not decision.is_strained
+    if is_joint and target.kind == "coplanar":
+        bases = _without_candidates(match, instance, target)
+        return [joint_result(base, n, (), decision, match, camera, target, options) for n, base in enumerate(bases)]
+    own = _own_results(match, instance, camera, target, methods)
+    evidence = joint.rims if isinstance(joint, TargetPoses) else ()
     results: list[CircleResult] = []
     if methods != (FU_ZHOU,):
-        chance, wanted = _by_misfits(family, members) if poses is None else (poses.ambiguity, poses.poses[0].normal)
-        results = [_in_order(result, chance, wanted) for result in own]
-        cues: list[SettledBy | None] = [None] * len(results)
-        if target.kind == "coaxial":
-            evidence = None if poses is None else poses.rims
-            results = with_generatrix(results, evidence, target)
-            cues = [
-                SettledBy.GENERATRIX
-                if is_settled_by_generatrix(result, partner_of(result, results), evidence, target)
-                else None
-                for result in results
-            ]
-        if poses is not None:
-            # Where several methods are compared, or lengths contradict each other, each circle keeps its own poses.
-            is_joint = methods == (CIRCLE_METHODS[0],) and (poses.not_flat or not is_strained)
-            results = [
-                _in_poses(result, number, poses, camera, is_joint=is_joint) for number, result in enumerate(results)
-            ]
-        if target.kind == "coplanar":
-            results = [checked_by_vanishing_line(result, check) for result in results]
-        else:
-            results = [settled(result, cue) for result, cue in zip(results, cues, strict=True)]
-    if FU_ZHOU in methods:
-        results = _with_fu_zhou(results, own, poses, check, camera, target, placed=placed)
-    return results
-
-
-def _with_fu_zhou(
-    results: Sequence[CircleResult],
-    own: Sequence[CircleResult],
-    poses: TargetPoses | None,
-    check: VanishingCheck | None,
-    camera: Camera,
-    target: Target,
-    *,
-    placed: bool,
-) -> list[CircleResult]:
-    """Return `results` with those of Fu & Zhou's route, each after the others of its circle."""
-    by_rim = [result for result in own if result.method == CIRCLE_METHODS[0]]
+        ordered = [in_order(result, decision) for result in own]
+        pairs = [
+            generatrix_pairs(result, partner_of(result, ordered), evidence, options)
+            if target.kind == "coaxial"
+            else ()
+            for result in ordered
+        ]
+        results = [
+            joint_result(result, number, own_pairs, decision, match, camera, target, options)
+            if is_joint
+            else own_result(result, own_pairs, decision, target, options)
+            for number, (result, own_pairs) in enumerate(zip(ordered, pairs, strict=True))
+        ]
+    if FU_ZHOU not in methods:
+        return results
+    by_rim = [
+        replace(result, flags=(*result.flags, *decision.flags))
+        for result in own
+        if result.method == CIRCLE_METHODS[0]
+    ]
     if target.kind == "coplanar":
-        found = by_vanishing_line(by_rim, check, camera, with_covariance=placed)
+        found = by_vanishing_line(by_rim, decision.line, camera, with_covariance=placed, options=options)
     else:
-        found = by_generatrix(by_rim, None if poses is None else poses.rims, target)
-    if not results:
-        return found
+        found = by_generatrix(by_rim, evidence, target, options=options)
+    return _interleaved(results, found, by_rim) if results else found
+
+
+def _own_results(
+    match: RingMatch, instance: int, camera: Camera, target: Target, methods: tuple[str, ...]
+) -> list[CircleResult]:
+    """Return the results of each circle by its own rim, by each method."""
+    return [
+        result
+        for each, radius, name in zip(match.rims, target.radii_mm, target.circle_names, strict=True)
+        for result in circle_results(
+            each.rim, camera, _own_methods(methods), radius, instance, name, frame=each.frame
+        )
+    ]
+
+
+def _without_candidates(match: RingMatch, instance: int, target: Target) -> list[CircleResult]:
+    """Return what the result of each circle says of its rim."""
+    method = CIRCLE_METHODS[0]
+    return [
+        replace(result_without_pose(each.rim, method, radius, instance, name), flags=rim_flags(each.rim, each.frame))
+        for each, radius, name in zip(match.rims, target.radii_mm, target.circle_names, strict=True)
+    ]
+
+
+def _interleaved(
+    results: Sequence[CircleResult], found: Sequence[CircleResult], by_rim: Sequence[CircleResult]
+) -> list[CircleResult]:
+    """Return `results` with those `found` by Fu & Zhou's route, each after the others of its circle."""
     done: list[CircleResult] = []
     for reference, result in zip(by_rim, found, strict=True):
         candidates = tuple(compared(candidate, reference.candidates) for candidate in result.candidates)
         done += [each for each in results if each.circle == result.circle]
         done.append(replace(result, candidates=candidates))
     return done
-
-
-def _flags(poses: TargetPoses | None, *, is_strained: bool) -> tuple[Flag, ...]:
-    """Return what is to be said of a target as a whole."""
-    flags = [Flag.RING_MISFIT] if is_strained else []
-    if poses is not None and poses.not_flat:
-        flags.append(Flag.NOT_FLAT)
-    return tuple(flags)
-
-
-def _in_order(result: CircleResult, chance: float, wanted: FloatArray) -> CircleResult:
-    """Return the result with the candidate first whose normal is nearest to the one `wanted`, wrong by `chance`."""
-    ranked = sorted(result.candidates, key=lambda c: -float(c.normal @ wanted))
-    flags = tuple(f for f in result.flags if f is not Flag.AMBIGUOUS or chance >= UNTOLD)
-    return replace(result, candidates=tuple(ranked), ambiguity=0.0 if len(ranked) == 1 else chance, flags=flags)
-
-
-def _in_poses(
-    result: CircleResult, number: int, poses: TargetPoses, camera: Camera, *, is_joint: bool
-) -> CircleResult:
-    """Return the result of circle `number` with the target's poses, or their heights alone."""
-    if is_joint:
-        return _in_one_pose(result, number, poses, camera)
-    normals = np.stack([pose.normal for pose in poses.poses])
-    nearest = [int(np.argmax(normals @ candidate.normal)) for candidate in result.candidates]
-    candidates = [
-        _with_height(candidate, poses, which) for candidate, which in zip(result.candidates, nearest, strict=True)
-    ]
-    return replace(result, candidates=tuple(candidates))
-
-
-def _with_height(candidate: Candidate, poses: TargetPoses, which: int) -> Candidate:
-    height, sigma = poses.heights[which]
-    return replace(candidate, height_mm=height, height_sigma_mm=sigma)
-
-
-def _by_misfits(family: Family, members: Sequence[Rim]) -> tuple[float, FloatArray]:
-    """Return the ambiguity and the chosen normal by how far edges are from where the first circle puts them."""
-    noise = math.hypot(*(rim.cone.rms_px for rim in members))
-    total = np.sqrt(np.sum(np.square(family.misfits_px), axis=0))
-    order = np.argsort(total, kind="stable")
-    chance = 0.0 if len(order) == 1 else ambiguity(float(total[order[0]]), float(total[order[1]]), noise)
-    return chance, family.solutions.normals[order[0]]
-
-
-def _in_one_pose(result: CircleResult, number: int, poses: TargetPoses, camera: Camera) -> CircleResult:
-    """Return the result of circle `number` with the target's poses in place of its own."""
-    candidates = []
-    for which, pose in enumerate(poses.poses):
-        center, normal = pose.circle(number)
-        own = max(result.candidates, key=lambda c: float(c.normal @ normal))
-        covariances = poses.covariances[which]
-        candidates.append(
-            replace(
-                _with_height(own, poses, which),
-                center=center,
-                normal=normal,
-                imaged_center=camera.project(center),
-                covariance=None if covariances is None else covariances[number],
-            )
-        )
-    one = len(candidates) == 1
-    flags = tuple(flag for flag in result.flags if flag is not Flag.AMBIGUOUS or not one)
-    cone = result.cone
-    if cone is not None and cone.kind is ConeKind.RIGHT and not one:
-        cone = replace(cone, kind=ConeKind.ELLIPTICAL)
-    return replace(result, candidates=tuple(candidates), ambiguity=poses.ambiguity, cone=cone, flags=flags)
-
-
-def _is_strained(family: Family, rims: Sequence[Rim]) -> bool:
-    misfits = family.misfits_px.min(axis=1)
-    size = np.array([float(rims[number].ellipse.semi_major) for number in family.members[1:]])
-    return bool(np.any(misfits > np.maximum(_STRAINED_PX, _STRAINED_SHARE * size)))

@@ -9,7 +9,7 @@ Method = Literal[CircleMethod, "fu-zhou"]
 CIRCLE_METHODS: tuple[CircleMethod, ...] = get_args(CircleMethod)
 """Names of the methods for a single circle."""
 FU_ZHOU = "fu-zhou"
-"""Name of the method for two circles of a ring target; see `ring_fu_zhou`."""
+"""Name of the method for two circles of a ring target; see `rings.fu_zhou_route`."""
 METHODS: tuple[Method, ...] = get_args(Method)
 """Names of the methods, as on the command line and in the table's `method` column."""
 

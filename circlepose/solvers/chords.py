@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from circlepose._numerics import cross
+from circlepose._numerics import angle_between, cross
 from circlepose._typing import BoolArray, FloatArray, IntArray
 from circlepose.fitting.direct import fit_ellipse
 from circlepose.fitting.ransac import local_scatter, on_one_ellipse
@@ -116,7 +116,7 @@ def _find(rays: FloatArray, sub_pixel: bool) -> Chords | str:
     x, y = _plane(rays, turn).T
     if float(np.ptp(y)) <= _FLATTEST * float(np.ptp(x)):
         # Edge-on the contour turns back at p and q, where no polynomial follows it; b and c are one.
-        s = float(np.tan(_angle_between(p, q) / 2.0))
+        s = float(np.tan(angle_between(p, q) / 2.0))
         return Chords(p, q, turn[2], turn[2], PrincipalFrame(turn.T, np.asarray(s), np.asarray(0.0)), 1.0)
     if sub_pixel:
         for _ in range(_ROUNDS):
@@ -128,8 +128,8 @@ def _find(rays: FloatArray, sub_pixel: bool) -> Chords | str:
     if ends[0] is None or ends[1] is None:
         return "the contour does not cross the plane that bisects its largest apex angle, or is hidden there"
     b, c = _ray(turn, 0.0, ends[0]), _ray(turn, 0.0, ends[1])
-    s = float(np.tan(_angle_between(p, q) / 2.0))
-    t = float(np.tan(_angle_between(b, c) / 2.0))
+    s = float(np.tan(angle_between(p, q) / 2.0))
+    t = float(np.tan(angle_between(b, c) / 2.0))
     if sub_pixel and t < _THIN * s and float(np.ptp(local[:, 0])) > 2.0 * s * (1.0 + _CORNER):
         # A segment with some noise across it: its ends are corners, which polynomials cut off.
         return _find(rays, sub_pixel=False)
@@ -263,7 +263,3 @@ def _convex_hull(points: FloatArray) -> IntArray:
         return hull[:-1]
 
     return np.array([*chain(order), *chain(order[::-1])], dtype=np.int64)
-
-
-def _angle_between(first: FloatArray, second: FloatArray) -> float:
-    return float(2.0 * np.arctan2(np.linalg.norm(first - second), np.linalg.norm(first + second)))

@@ -2,7 +2,7 @@
 
 The candidates of the two circles are paired one to one, so that their normals agree best. Of the right pair the
 generatrix, rim to rim in the plane that holds the axis and the camera, has the part's known length
-sqrt(h^2 + (R - r)^2) at both ends of the diameters there. Of the wrong pair the small circle's centre is off the
+sqrt(h^2 + (R - r)^2) at both ends of the diameters there. Of the wrong pair the small circle's center is off the
 big one's axis by some e in that plane, and the generatrices are about
 
     sqrt(h'^2 + (R - r - e)^2)  and  sqrt(h'^2 + (R - r + e)^2)
@@ -10,9 +10,9 @@ big one's axis by some e in that plane, and the generatrices are about
 (CC1 in their fig. 5 is one of the two). One is too short and the other too long by about as much, so compare the
 ends, never their mean: it hardly differs between the pairs. Where the length is not known, ends of one length or
 e = 0 show the right pair as well. In two kinds of view the wrong pair has the right length at both ends
-(`disambiguation.mirror_view`); in one of them e is 0, too, and nothing distinguishes the pairs.
+(`solvers.mirror_view`); in one of them e is 0, too, and nothing distinguishes the pairs.
 
-Lengths are in the unit of the centres; the frame is any that has the camera in its origin. Normals point towards
+Lengths are in the unit of the centers; the frame is any that has the camera in its origin. Normals point towards
 the camera, so both circles must be seen from the same side.
 """
 
@@ -34,13 +34,23 @@ _DIFFER = np.array([1.0, -1.0])
 
 
 def pair_candidates(normals_big: FloatArray, normals_small: FloatArray) -> IntArray:
-    """Return, for each candidate of the big circle, its partner among the small circle's: indices (..., k).
+    """Return the partner of each candidate of the big circle among the small circle's.
 
-    `normals_big` (..., k, 3), `normals_small` (..., l, 3): unit normals of the one or two candidates. Two and two are
-    paired one to one, as their normals agree better: by the larger sum of cosines. For exact cones that is always the
-    right assignment. With a and b the angles between the common normal and the bisectors of the two cones, it leads
-    by 4 cos(a - b) sin(a) sin(b), and both angles are acute and lie on the same side. Where a circle has one
-    candidate, the nearest normal counts.
+    Two and two are paired one to one, by the larger sum of cosines. For exact cones that is always the right
+    assignment. With a and b the angles between the common normal and the bisectors of the two cones, it leads by
+    4 cos(a - b) sin(a) sin(b), and both angles are acute and lie on the same side. Where a circle has one candidate,
+    the nearest normal counts.
+
+    Parameters
+    ----------
+    normals_big
+        (..., k, 3) unit normals of the one or two candidates.
+    normals_small
+        (..., l, 3) the same of the small circle.
+
+    Returns
+    -------
+    (..., k) indices. Source: Fu & Zhou (2019), section 3.3.
     """
     cosines = normals_big @ np.swapaxes(normals_small, -1, -2)
     if cosines.shape[-2:] != (2, 2):
@@ -48,18 +58,6 @@ def pair_candidates(normals_big: FloatArray, normals_small: FloatArray) -> IntAr
     straight = cosines[..., 0, 0] + cosines[..., 1, 1]
     crossed = cosines[..., 0, 1] + cosines[..., 1, 0]
     return np.where((straight >= crossed)[..., None], np.array([0, 1]), np.array([1, 0]))
-
-
-def generatrix_length(
-    center_big: FloatArray,
-    normal_big: FloatArray,
-    radius_big: FloatArray | float,
-    center_small: FloatArray,
-    normal_small: FloatArray,
-    radius_small: FloatArray | float,
-) -> FloatArray:
-    """Return the rim to rim distance (...) at the near end: GCC of their table 2. Arguments as `generatrix_ends`."""
-    return generatrix_ends(center_big, normal_big, radius_big, center_small, normal_small, radius_small)[..., 0]
 
 
 def generatrix_ends(
@@ -70,11 +68,24 @@ def generatrix_ends(
     normal_small: FloatArray,
     radius_small: FloatArray | float,
 ) -> FloatArray:
-    """Return the rim to rim distances (..., 2) at the end of the diameters nearer to the camera, and at the far end.
+    """Return the generatrices of a pair: the rim to rim distances in the plane that holds the camera and the axis.
 
-    The diameters are those in the plane of symmetry, which holds the camera and the axis. Centres and unit normals
-    (..., 3), radii (...). Candidates that are not quite coaxial have not quite the same plane: the one between is
-    taken, so that the ends correspond. Near and far are the big circle's.
+    Candidates that are not quite coaxial have not quite the same plane: the one between is taken, so that the ends
+    correspond.
+
+    Parameters
+    ----------
+    center_big, center_small
+        (..., 3) in the camera frame.
+    normal_big, normal_small
+        (..., 3) unit normals towards the camera.
+    radius_big, radius_small
+        (...) in the unit of the centers.
+
+    Returns
+    -------
+    (..., 2) at the end of the big circle's diameter nearer to the camera, and at the far end. The first is GCC of
+    table 2. Source: Fu & Zhou (2019), section 3.3.
     """
     axis = _mean_axis(normal_big, normal_small)
     across, other = cross(center_big, normal_big), cross(center_small, normal_small)
@@ -100,13 +111,22 @@ class MeasuredCircle:
     """(3,) unit"""
     radius: float
     covariance: FloatArray
-    """(5, 5) of the centre and two tilts, as of `pose.Candidate`"""
+    """(5, 5) of the center and two tilts, as of `results.Candidate`"""
 
 
 def ends_covariance(big: MeasuredCircle, small: MeasuredCircle, radius_share: float) -> FloatArray:
-    """Return the covariance (2, 2) of `generatrix_ends` of a pair, to first order.
+    """Return the covariance of `generatrix_ends` of a pair, to first order.
 
-    `radius_share` is the standard deviation of the small circle's radius, as a share of it: it scales its distance.
+    Parameters
+    ----------
+    big, small
+        The pair.
+    radius_share
+        Standard deviation of the small circle's radius, as a share of it. It scales the circle's distance.
+
+    Returns
+    -------
+    (2, 2) in the squared unit of the centers, by numeric derivatives.
     """
 
     def ends(changes: FloatArray) -> FloatArray:
@@ -126,11 +146,22 @@ def ends_covariance(big: MeasuredCircle, small: MeasuredCircle, radius_share: fl
 def pair_misfit(
     ends: FloatArray, covariance: FloatArray, expected: float | None, expected_sigma: float
 ) -> tuple[float, float]:
-    """Return the chi-square of the generatrices at both ends (2,) of a pair, and the pair's log likelihood.
+    """Return how well the generatrices of a pair are those of the part.
 
-    Both ends are `expected`, which is known to `expected_sigma`; where it is None, both are of one length.
-    `covariance` (2, 2) is that of `ends`. The likelihood is Student's t, as of a joint fit: errors may be larger than
-    their covariance says.
+    Parameters
+    ----------
+    ends
+        (2,) generatrices of the pair.
+    covariance
+        (2, 2) of `ends`.
+    expected
+        The generatrix of the part. Where it is None, both ends have one length.
+    expected_sigma
+        Its standard deviation.
+
+    Returns
+    -------
+    The chi-square, and the log likelihood by Student's t: errors may be larger than estimated.
     """
     if expected is None:
         away, spread = np.array([ends[0] - ends[1]]), np.array([[_DIFFER @ covariance @ _DIFFER]])
@@ -143,7 +174,18 @@ def pair_misfit(
 def height_from_generatrix(
     generatrix: FloatArray | float, radius_big: FloatArray | float, radius_small: FloatArray | float
 ) -> FloatArray:
-    """Return the distance h (...) of the two planes: h^2 = generatrix^2 - (R - r)^2.
+    """Return the distance of the two planes: h^2 = generatrix^2 - (R - r)^2.
+
+    Parameters
+    ----------
+    generatrix
+        (...) rim to rim.
+    radius_big, radius_small
+        (...) in the same unit.
+
+    Returns
+    -------
+    (...) h, never negative.
 
     Raises
     ------
@@ -162,7 +204,7 @@ def _mean_axis(normal_big: FloatArray, normal_small: FloatArray) -> FloatArray:
 
 
 def _changed(circle: MeasuredCircle, changes: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return centres (n, 3) and unit normals (n, 3) after small `changes` (n, 5) of centre and tilts."""
+    """Return centers (n, 3) and unit normals (n, 3) after small `changes` (n, 5) of center and tilts."""
     normals = circle.normal + changes[:, 3:] @ np.stack(plane_basis(circle.normal))
     return circle.center + changes[:, :3], _unit(normals)
 

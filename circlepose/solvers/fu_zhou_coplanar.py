@@ -1,14 +1,14 @@
 """Pose from two coplanar concentric circles, which has one solution.
 
-Fu & Zhou, Solving the Pose Ambiguity via a Simple Concentric Circle Constraint (2019), section 3.2. It tells which
+Fu & Zhou, Solving the Pose Ambiguity via a Simple Concentric Circle Constraint (2019), section 3.2. It shows which
 candidate of either circle alone is right.
 
 Conics are of the normalized image plane (f = 1, the paper's K is I), of any scale and sign. There a conic is the
 matrix Q of the circle's viewing cone, a point is a ray and a line is the normal of the plane through it and the
 camera. So all of this turns with the camera, and holds for cones that no single image plane holds too.
 
-Where the two conics cannot be of concentric circles at all (they cross, or lie side by side) the answer is NaN;
-where they may be, `concentricity` says how well they fit.
+Where the two conics cannot be of concentric circles at all (they cross, or lie side by side) the answer is NaN.
+Where they may be, `concentricity` measures how well they fit.
 """
 
 from __future__ import annotations
@@ -34,9 +34,19 @@ _REAL = 1e-6
 def pose_from_coplanar_circles(
     conic_outer: FloatArray, conic_inner: FloatArray, radius_outer: FloatArray | float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the centre (..., 3), in the unit of `radius_outer` (...), and unit normal (..., 3) towards the camera.
+    """Solve the pose of two coplanar concentric circles from the conics of their images.
 
-    From the conics (..., 3, 3) of both circles, through the whole chain of section 3.2: imaged centre, vanishing
+    Parameters
+    ----------
+    conic_outer, conic_inner
+        (..., 3, 3) of both circles, of any scale and sign.
+    radius_outer
+        (...) of the outer circle.
+
+    Returns
+    -------
+    The center (..., 3) in the unit of the radius, and the unit normal (..., 3) towards the camera; camera frame. NaN
+    where the conics cannot be of concentric circles. Source: Fu & Zhou (2019), section 3.2: imaged center, vanishing
     line (eq. 7), imaged circular points, rotation (eq. 8), translation (eq. 9).
     """
     point = imaged_center(conic_outer, conic_inner)
@@ -46,21 +56,37 @@ def pose_from_coplanar_circles(
 
 
 def imaged_center(conic_1: FloatArray, conic_2: FloatArray) -> FloatArray:
-    """Return the image (..., 3), homogeneous, of the common centre: the isolated eigenvector of C1^-1 C2.
+    """Return the image of the common center: the isolated eigenvector of C1^-1 C2.
 
-    A unit vector, towards the circle. Noise splits the double eigenvalue, and which one is the isolated one need
-    not show in the values; but the eigenvectors are a self-polar triangle, of which one vertex lies within both
-    conics: that is the centre.
+    Noise splits the double eigenvalue, and the values need not show which one is isolated. But the eigenvectors are a
+    self-polar triangle, and one of its vertices lies within both conics: the center.
+
+    Parameters
+    ----------
+    conic_1, conic_2
+        (..., 3, 3) of both circles.
+
+    Returns
+    -------
+    (..., 3) homogeneous, a unit vector towards the circle. NaN where the conics cannot be of concentric circles.
+    Source: Fu & Zhou (2019), section 3.2.
     """
     pencil = _pencil(conic_1, conic_2)
     return np.where(pencil.nested[..., None], pencil.center, np.nan)
 
 
 def concentricity(conic_1: FloatArray, conic_2: FloatArray) -> FloatArray:
-    """Return how far (...) the double eigenvalue of C1^-1 C2 is split, a share of its mean: 0 when concentric.
+    """Return the split of the double eigenvalue of C1^-1 C2, relative to its mean.
 
-    Circles in one plane with centres e apart give about e^2/(R1^2 - R2^2); infinite where no centre is imaged.
-    Conics that agree have nothing to tell: 0.
+    Parameters
+    ----------
+    conic_1, conic_2
+        (..., 3, 3) of both circles.
+
+    Returns
+    -------
+    (...) 0 for concentric circles, and for conics that agree. Circles in one plane with centers e apart give about
+    e^2/(R1^2 - R2^2). Infinite where no center is imaged.
     """
     pencil = _pencil(conic_1, conic_2)
     split = np.abs(pencil.double[..., 0] - pencil.double[..., 1]) / np.abs(pencil.double.mean(axis=-1))
@@ -68,10 +94,18 @@ def concentricity(conic_1: FloatArray, conic_2: FloatArray) -> FloatArray:
 
 
 def radius_ratio(conic_1: FloatArray, conic_2: FloatArray) -> FloatArray:
-    """Return R2/R1 (...), the ratio of the circles' radii: the root of the isolated eigenvalue over the double one.
+    """Return the ratio of the circles' radii: the root of the isolated eigenvalue over the double one.
 
-    In the circles' plane C_i ~ diag(1, 1, -R_i^2), so C1^-1 C2 ~ diag(1, 1, R2^2/R1^2). It tells conics given in
-    the wrong order, or radii that are not the target's.
+    In the circles' plane C_i ~ diag(1, 1, -R_i^2), so C1^-1 C2 ~ diag(1, 1, R2^2/R1^2).
+
+    Parameters
+    ----------
+    conic_1, conic_2
+        (..., 3, 3) of both circles.
+
+    Returns
+    -------
+    (...) R2/R1; NaN where the conics cannot be of concentric circles.
     """
     pencil = _pencil(conic_1, conic_2)
     ratio = pencil.isolated / np.real(pencil.double.mean(axis=-1))
@@ -79,9 +113,18 @@ def radius_ratio(conic_1: FloatArray, conic_2: FloatArray) -> FloatArray:
 
 
 def vanishing_line(conic: FloatArray, imaged_center: FloatArray) -> FloatArray:
-    """Return the vanishing line (..., 3) of the circle's plane, the polar of its imaged centre: l ~ C o (eq. 7).
+    """Return the vanishing line of a circle's plane, the polar of its imaged center: l ~ C o.
 
-    Its sign is such that l . o < 0 for `imaged_center` o (..., 3), so it points towards the camera.
+    Parameters
+    ----------
+    conic
+        (..., 3, 3) of the circle.
+    imaged_center
+        (..., 3) o.
+
+    Returns
+    -------
+    (..., 3) with l . o < 0, so that it points towards the camera. Source: Fu & Zhou (2019), eq. 7.
     """
     line = polar(conic, imaged_center)
     facing = np.einsum("...i,...i->...", line, imaged_center)
@@ -89,10 +132,19 @@ def vanishing_line(conic: FloatArray, imaged_center: FloatArray) -> FloatArray:
 
 
 def imaged_circular_points(line: FloatArray, conic: FloatArray) -> ComplexArray:
-    """Return where the vanishing `line` (..., 3) meets the `conic` (..., 3, 3): complex conjugate points (..., 2, 3).
+    """Return where the vanishing line meets the conic.
 
-    The first, I, is the one with Re I x Im I along the line's vector. NaN where the line cuts the conic in real
-    points, so that it is no vanishing line.
+    Parameters
+    ----------
+    line
+        (..., 3) the vanishing line.
+    conic
+        (..., 3, 3) of the circle.
+
+    Returns
+    -------
+    Two complex conjugate points (..., 2, 3). The first, I, has Re I x Im I along the line's vector. NaN where the
+    line cuts the conic in real points, so that it is no vanishing line. Source: Fu & Zhou (2019), section 3.2.
     """
     length = np.linalg.norm(line, axis=-1, keepdims=True)
     e1, e2 = plane_basis(line / length)
@@ -125,11 +177,23 @@ def rotation_from_circular_points(points: ComplexArray) -> FloatArray:
 
 
 def translation(imaged_center: FloatArray, radius: FloatArray | float, conic: FloatArray) -> FloatArray:
-    """Return the circle's centre t = s o (..., 3) on the ray o of its imaged centre (..., 3) (eq. 9).
+    """Return the circle's center t = s o on the ray o of its imaged center.
 
-    The scale s, in the unit of `radius` (...), is from the circle's `conic` (..., 3, 3): for a unit direction e in
-    its plane, (R/s)^2 = -(o'Co)/(e'Ce). Taken is the e at right angles to the line of sight, along which the size
-    in the image does not change with the tilt, to first order.
+    For a unit direction e in the circle's plane, (R/s)^2 = -(o'Co)/(e'Ce). The e at right angles to the line of sight
+    is used: along it the size in the image does not change with the tilt, to first order.
+
+    Parameters
+    ----------
+    imaged_center
+        (..., 3) o.
+    radius
+        (...) R.
+    conic
+        (..., 3, 3) of the circle, C.
+
+    Returns
+    -------
+    (..., 3) in the unit of the radius, camera frame. Source: Fu & Zhou (2019), eq. 9.
     """
     point = imaged_center
     normal = normal_from_imaged_center(conic, point)
@@ -144,7 +208,19 @@ def translation(imaged_center: FloatArray, radius: FloatArray | float, conic: Fl
 
 
 def normal_from_imaged_center(conic: FloatArray, imaged_center: FloatArray) -> FloatArray:
-    """Return the unit normal (..., 3) towards the camera from a circle's conic and imaged centre: N(Q o) (eq. 10)."""
+    """Return the unit normal of a circle from its conic and its imaged center: N(Q o).
+
+    Parameters
+    ----------
+    conic
+        (..., 3, 3) of the circle.
+    imaged_center
+        (..., 3) o.
+
+    Returns
+    -------
+    (..., 3) towards the camera, camera frame. Source: Fu & Zhou (2019), eq. 10.
+    """
     line = vanishing_line(conic, imaged_center)
     return line / np.linalg.norm(line, axis=-1, keepdims=True)
 
@@ -152,21 +228,22 @@ def normal_from_imaged_center(conic: FloatArray, imaged_center: FloatArray) -> F
 def pose_with_covariance(
     factors: FloatArray, modes_covariances: FloatArray, radius_outer: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return centre (3,) and normal (3,) of `pose_from_coplanar_circles`, and their covariance, to first order.
+    """Return the pose of `pose_from_coplanar_circles` and its covariance, to first order.
 
     Parameters
     ----------
     factors
         (2, 3, 3) of both circles' cones, the outer one first.
     modes_covariances
-        (2, 5, 5) of the `rim_modes` of the cones, which are independent of each other.
+        (2, 5, 5) of the modes of the cones (`geometry.cone_perturbation`), independent of each other.
     radius_outer
         Of the outer circle.
 
     Returns
     -------
-    The covariance (5, 5) is of the centre (unit of the radius, squared) and of two tilts (rad^2) of the normal,
-    towards the vectors of `cone.plane_basis(normal)`. NaN where the cones cannot be of concentric circles.
+    Center (3,), normal (3,) and their covariance (5, 5): of the center (unit of the radius, squared) and of two tilts
+    (rad^2) of the normal, towards the vectors of `cone.plane_basis(normal)`. NaN where the cones cannot be of
+    concentric circles.
     """
 
     def poses(changed: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -184,11 +261,20 @@ def pose_with_covariance(
 
 
 def log_odds(candidates: FloatArray, candidate_sigma_rad: float, normal: FloatArray, tilts: FloatArray) -> float:
-    """Return the log odds of the first of two `candidates` (2, 3), the normals of a circle alone, over the second.
+    """Return the log odds of the first of two candidates over the second, given the normal from both circles.
 
-    Given the `normal` (3,) from both circles with the covariance `tilts` (2, 2) of its tilts. What counts is where it
-    lies along the line between the candidates, in the light of its error and of theirs along that line,
-    `candidate_sigma_rad`.
+    Only the position of that normal along the line between the candidates counts, with the errors along that line.
+
+    Parameters
+    ----------
+    candidates
+        (2, 3) unit normals of one circle alone.
+    candidate_sigma_rad
+        Standard deviation of each along the line between them, rad.
+    normal
+        (3,) unit normal from both circles.
+    tilts
+        (2, 2) covariance, rad^2, of its tilts towards the vectors of `cone.plane_basis(normal)`.
     """
     apart = candidates[0] - candidates[1]
     squared = float(apart @ apart)

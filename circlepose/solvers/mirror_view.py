@@ -25,13 +25,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from circlepose._numerics import angle_between
 from circlepose._typing import FloatArray
 from circlepose.errors import ArgumentError
 
 
 @dataclass(frozen=True, slots=True)
 class MirrorView:
-    """How far a view of a coaxial target is from the one in which both pairs fit."""
+    """A view of a coaxial target, and the view from the same distance in which both pairs fit."""
 
     distance: float
     """of the big circle's center, in the unit of the radii"""
@@ -47,7 +48,7 @@ def mirror_tilt(
     height: FloatArray | float,
     distance: FloatArray | float,
 ) -> FloatArray:
-    """Return the tilt (...), rad, at which both cones share their bisector; NaN where there is none.
+    """Return the tilt at which both cones share their bisector.
 
     There the mirror image of the whole target gives the same images: the pair is ambiguous for every method. With
     R, r, h and D,
@@ -55,8 +56,24 @@ def mirror_tilt(
         cos(tilt) = h (D^2 - R^2) / (D (h^2 - R^2 + r^2)),
 
     for shallow recesses about |h| D / (R^2 - r^2). A boss has such a view only if its top is nearly at the camera.
-    Lengths are of one unit. Nearer than R there is no answer. Raises `ArgumentError` for radii or a distance that are
-    not positive, and for a small radius above the big one.
+
+    Parameters
+    ----------
+    radius_big, radius_small
+        (...) R and r, in one unit of length.
+    height
+        (...) h of the small circle over the big one's plane, negative for a recess.
+    distance
+        (...) D of the big circle's center from the camera.
+
+    Returns
+    -------
+    (...) rad. NaN where there is no such tilt, and nearer than R. Source: docs/papers.md.
+
+    Raises
+    ------
+    ArgumentError
+        For radii or a distance that are not positive, and for a small radius above the big one.
     """
     big, small, high, far = _checked(radius_big, radius_small, height, distance)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -65,10 +82,26 @@ def mirror_tilt(
 
 
 def farthest_mirror_distance(radius_big: float, radius_small: float, depth: float) -> float | None:
-    """Return the largest distance from which a recess of this `depth` has a `mirror_tilt`; there it is 0.
+    """Return the largest distance from which a recess has a `mirror_tilt`. There the tilt is 0.
 
-    None for a recess that has none: one deeper than sqrt(R^2 - r^2), or of no depth, which has it at edge-on from any
-    distance. From nearer than that there is one, and it grows towards edge-on. Errors are those of `mirror_tilt`.
+    From nearer the tilt is larger, up to edge-on.
+
+    Parameters
+    ----------
+    radius_big, radius_small
+        R and r, in one unit of length.
+    depth
+        Of the recess, positive.
+
+    Returns
+    -------
+    The distance. None for a recess deeper than sqrt(R^2 - r^2), which has no such view, and for one of no depth,
+    which has it edge-on from any distance.
+
+    Raises
+    ------
+    ArgumentError
+        As `mirror_tilt`.
     """
     big, small, high, _ = (float(value) for value in _checked(radius_big, radius_small, depth, 1.0))
     left = big**2 - small**2 - high**2
@@ -83,14 +116,26 @@ def equal_length_tilt(
     height: FloatArray | float,
     distance: FloatArray | float,
 ) -> FloatArray:
-    """Return the tilt (...), rad, at which both circles are seen under one angle; NaN where there is none.
+    """Return the tilt at which both circles are seen under one angle.
 
     The angle is that in the plane through the camera and the axis. There the wrong pair has the right generatrix at
     both ends, but is not coaxial. The height y = D cos(tilt) of the camera over the big circle's plane solves
 
         2 h R y^2 - ((R - r) (D^2 + R r) + R h^2) y - h r (D^2 - R^2) = 0.
 
-    Arguments and errors are those of `mirror_tilt`.
+    Parameters
+    ----------
+    radius_big, radius_small, height, distance
+        As `mirror_tilt`.
+
+    Returns
+    -------
+    (...) rad; NaN where there is no such tilt. Source: docs/papers.md.
+
+    Raises
+    ------
+    ArgumentError
+        As `mirror_tilt`.
     """
     big, small, high, far = _checked(radius_big, radius_small, height, distance)
     power = far**2 - big**2
@@ -108,16 +153,27 @@ def equal_length_tilt(
 def mirror_view(
     center_big: FloatArray, normal: FloatArray, radius_big: float, center_small: FloatArray, radius_small: float
 ) -> MirrorView | None:
-    """Return how this view compares with the one in which both pairs fit; None where there is none.
+    """Compare a view with the one from the same distance in which both pairs fit.
 
-    Centers and the unit normal, towards the camera, (3,).
+    Parameters
+    ----------
+    center_big, center_small
+        (3,) in the camera frame.
+    normal
+        (3,) unit normal towards the camera.
+    radius_big, radius_small
+        In the unit of the centers.
+
+    Returns
+    -------
+    Both tilts. None where no view from this distance has both pairs fit.
     """
     distance = float(np.linalg.norm(center_big))
     height = float((center_small - center_big) @ normal)
     mirror = float(mirror_tilt(radius_big, radius_small, height, distance))
     if np.isnan(mirror):
         return None
-    tilt = float(np.arccos(np.clip(-(center_big @ normal) / distance, -1.0, 1.0)))
+    tilt = float(angle_between(normal, -center_big / distance))
     return MirrorView(distance, tilt, mirror)
 
 

@@ -9,10 +9,12 @@ import numpy as np
 from circlepose._typing import FloatArray
 from circlepose.errors import ArgumentError
 from circlepose.geometry.cone import PrincipalFrame, cone_kinds, principal_frame
+from circlepose.results import Failure, Status
 from circlepose.solvers import CIRCLE_METHODS, chen_huang, kabuka_arenas, kanatani_liu
 from circlepose.solvers.chords import chords_from_contour
 
 _SAME_POSE_RAD = 1e-7
+"""rad; normals that are closer are one, as both candidates of a right cone are within rounding"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -29,17 +31,28 @@ class Solutions:
     """whether the contour route left out an outlier at one of its four points"""
 
 
-def solve(method: str, factor: FloatArray, contour_rays: FloatArray, radius: float) -> Solutions | str:
-    """Return the candidate poses of a circle of `radius` by a method of `CIRCLE_METHODS`, or why there are none.
+def solve(method: str, factor: FloatArray, contour_rays: FloatArray, radius: float) -> Solutions | Failure:
+    """Return the candidate poses of a circle by one method.
 
     Parameters
     ----------
+    method
+        A name of `CIRCLE_METHODS`.
     factor
         (3, 3) factor of the fitted viewing cone.
     contour_rays
         (n, 3) unit rays of the contour, in order; used by `chen-huang-contour` only.
     radius
-        Of the circle; the centres come out in its unit.
+        Of the circle; the centers come out in its unit.
+
+    Returns
+    -------
+    The candidates in the camera frame, or why there are none. The source of each method is in its own module.
+
+    Raises
+    ------
+    ArgumentError
+        For a method of another name.
     """
     frame, mended = principal_frame(factor), False
     poses: tuple[FloatArray, FloatArray] | None
@@ -49,7 +62,7 @@ def solve(method: str, factor: FloatArray, contour_rays: FloatArray, radius: flo
         case "chen-huang-contour":
             chords = chords_from_contour(contour_rays)
             if isinstance(chords, str):
-                return chords
+                return Failure(Status.NO_POSE, chords)
             frame, mended = chords.frame, chords.mended
             poses = chen_huang.poses_from_frame(frame, radius)
         case "kanatani-liu":
@@ -59,18 +72,30 @@ def solve(method: str, factor: FloatArray, contour_rays: FloatArray, radius: flo
         case _:
             raise ArgumentError(f"method: expected one of {', '.join(CIRCLE_METHODS)}, got {method!r}.")
     if poses is None:
-        return "the circle is seen edge-on; the method needs an ellipse"
+        return Failure(Status.NO_POSE, "the circle is seen edge-on; the method needs an ellipse")
     return _distinct(*poses, cone_kinds(frame), mended)
 
 
 def solve_chen_huang(frames: PrincipalFrame, radius: float) -> list[Solutions]:
-    """Return the candidate poses by Chen & Huang of circles of `radius`, from the frames (m, ...) of their cones."""
+    """Return the candidate poses by Chen & Huang of many circles at once.
+
+    Parameters
+    ----------
+    frames
+        (m, ...) of the viewing cones.
+    radius
+        Of every circle; the centers come out in its unit.
+
+    Returns
+    -------
+    (m) candidates in the camera frame. Source: Chen & Huang (1999), section III.
+    """
     every = zip(*chen_huang.poses_from_frame(frames, radius), cone_kinds(frames), strict=True)
     return [_distinct(centers, normals, kind) for centers, normals, kind in every]
 
 
 def _distinct(centers: FloatArray, normals: FloatArray, kind: object, mended: bool = False) -> Solutions:
-    """Say a pose once when both candidates are the same, as for a right cone."""
+    """Return one pose where both candidates are the same, as for a right cone."""
     same = np.linalg.norm(normals[0] - normals[1]) < _SAME_POSE_RAD
     keep = slice(0, 1) if same else slice(0, 2)
     return Solutions(centers[keep], normals[keep], str(kind), mended)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from circlepose._numerics import angle_between
 from circlepose._typing import FloatArray
 from circlepose.studies.published import Triple
 
@@ -12,8 +13,7 @@ def angle_deg(first: FloatArray, second: FloatArray) -> FloatArray:
     """Return the angle (...), deg, between directions (..., 3) of any length."""
     a = first / np.linalg.norm(first, axis=-1, keepdims=True)
     b = second / np.linalg.norm(second, axis=-1, keepdims=True)
-    apart, along = np.linalg.norm(a - b, axis=-1), np.linalg.norm(a + b, axis=-1)
-    return np.asarray(np.degrees(2.0 * np.arctan2(apart, along)))
+    return np.asarray(np.degrees(angle_between(a, b)))
 
 
 def distance_mm(first: FloatArray, second: FloatArray) -> float:

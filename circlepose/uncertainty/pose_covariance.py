@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from circlepose._numerics import cross
+from circlepose._numerics import angle_between
 from circlepose._typing import BoolArray, FloatArray
 from circlepose.camera.camera import Camera
 from circlepose.fitting.cone_projection import factor_from_ellipse
@@ -141,9 +141,7 @@ def is_first_order(axis: FloatArray, normal: FloatArray, covariance: FloatArray)
 
     Along the axis (..., 3) of its cone no such covariance holds.
     """
-    along = -np.einsum("...i,...i->...", normal, axis)
-    from_axis = np.arctan2(np.linalg.norm(cross(normal, axis), axis=-1), along)
-    return np.asarray(from_axis >= _LEAST_SIGMAS * tilt_sigma(covariance))
+    return np.asarray(angle_between(-normal, axis) >= _LEAST_SIGMAS * tilt_sigma(covariance))
 
 
 def tilt_sigma(covariance: FloatArray) -> FloatArray:

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from circlepose.disambiguation.hint_likelihoods import choose, common_plane, facing, rough_normal, up_direction
+from circlepose.disambiguation.hint_likelihoods import common_plane, decide, facing, rough_normal, up_direction
 from circlepose.errors import ArgumentError
 from circlepose.geometry.cone import factor_from_circle, plane_basis, principal_frame
 from circlepose.solvers.chen_huang import poses_from_frame
@@ -50,9 +50,9 @@ def scene(rng, number, tilt_deg, half_width_mm, sigma_deg, *, strangers=0, dista
 def test_circles_on_a_board_are_all_told(tilt_deg, number, given_mm):
     rng = np.random.default_rng(number)
     centers, normals, sigma_rad, sigma_mm, right = scene(rng, number, tilt_deg, 150.0, 0.1)
-    choice = choose(common_plane(centers, normals, sigma_rad, sigma_mm if given_mm else None))
+    choice = decide(common_plane(centers, normals, sigma_rad, sigma_mm if given_mm else None))
     np.testing.assert_array_equal(choice.chosen, right)
-    assert np.median(choice.wrong) < 1e-4
+    assert np.median(choice.ambiguity) < 1e-4
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -62,9 +62,9 @@ def test_a_few_circles_elsewhere_do_no_harm_and_are_not_judged(seed, strangers):
         np.random.default_rng(seed), 12, 30.0, 150.0, 0.3, strangers=strangers
     )
     scores = common_plane(centers, normals, sigma_rad, sigma_mm)
-    choice = choose(scores)
+    choice = decide(scores)
     np.testing.assert_array_equal(choice.chosen[strangers:], right[strangers:])
-    np.testing.assert_allclose(choice.wrong[:strangers], 0.5, atol=1e-3)
+    np.testing.assert_allclose(choice.ambiguity[:strangers], 0.5, atol=1e-3)
     np.testing.assert_allclose(np.exp(scores).sum(axis=1), 1.0)
 
 
@@ -78,8 +78,8 @@ def test_the_probability_of_being_wrong_is_a_share_of_wrong_ones(number, tilt_de
     said, wrong = [], []
     for _ in range(scenes):
         centers, normals, sigma_rad, sigma_mm, right = scene(rng, number, tilt_deg, half_width_mm, sigma_deg)
-        choice = choose(common_plane(centers, normals, sigma_rad, sigma_mm))
-        said.extend(choice.wrong)
+        choice = decide(common_plane(centers, normals, sigma_rad, sigma_mm))
+        said.extend(choice.ambiguity)
         wrong.extend(choice.chosen != right)
     said, wrong = np.array(said), np.array(wrong)
     # The circles of one scene are right or wrong together, so only the scenes count.
@@ -95,8 +95,8 @@ def test_a_small_far_board_is_as_well_its_mirror_image():
     centers, normals, sigma_rad, sigma_mm, _ = scene(
         np.random.default_rng(0), 30, 25.0, 1.0, 2.0, distance_mm=4000.0, radius_mm=1.0
     )
-    choice = choose(common_plane(centers, normals, sigma_rad, sigma_mm))
-    assert np.all(choice.wrong > 0.3)
+    choice = decide(common_plane(centers, normals, sigma_rad, sigma_mm))
+    assert np.all(choice.ambiguity > 0.3)
 
 
 def test_the_plane_does_not_depend_on_the_frame_the_order_or_the_unit():
@@ -135,11 +135,11 @@ SIGMA = np.full((2, 2), np.radians(2.0))
 
 
 def test_rough_normal():
-    choice = choose(rough_normal(MIRRORED, np.array([-2.0, 1.0, -4.0]), 10.0))
+    choice = decide(rough_normal(MIRRORED, np.array([-2.0, 1.0, -4.0]), 10.0))
     np.testing.assert_array_equal(choice.chosen, [1, 1])
-    assert np.all(choice.wrong < 0.05)
-    vaguer = choose(rough_normal(MIRRORED, np.array([-2.0, 1.0, -4.0]), 60.0))
-    assert np.all(vaguer.wrong > choice.wrong)
+    assert np.all(choice.ambiguity < 0.05)
+    vaguer = decide(rough_normal(MIRRORED, np.array([-2.0, 1.0, -4.0]), 60.0))
+    assert np.all(vaguer.ambiguity > choice.ambiguity)
 
 
 def test_rough_normal_is_a_gaussian_of_the_angle():
@@ -156,19 +156,19 @@ def test_up_direction_takes_floors_and_ceilings(sign):
     wall = [0.9, 0.0, -np.sqrt(1.0 - 0.81)]
     normals = np.array([[floor_seen_from_above, wall], [wall, ceiling]])
     up = np.array(floor_seen_from_above)
-    choice = choose(up_direction(normals[:1], sign * up, 10.0))
+    choice = decide(up_direction(normals[:1], sign * up, 10.0))
     assert choice.chosen[0] == 0
-    assert choice.wrong[0] < 1e-3
-    assert choose(up_direction(normals[1:], sign * np.array(ceiling), 10.0)).chosen[0] == 1
+    assert choice.ambiguity[0] < 1e-3
+    assert decide(up_direction(normals[1:], sign * np.array(ceiling), 10.0)).chosen[0] == 1
 
 
 @pytest.mark.parametrize(("side", "expected"), [([1.0, 0, 0], 0), ([-1.0, 0, 0], 1)])
 def test_facing(side, expected):
-    choice = choose(facing(MIRRORED, np.array(side), SIGMA))
+    choice = decide(facing(MIRRORED, np.array(side), SIGMA))
     assert choice.chosen[0] == expected
-    assert choice.wrong[0] < 1e-6
+    assert choice.ambiguity[0] < 1e-6
     # The other surface leans up or down, which says nothing on left and right.
-    assert choice.wrong[1] == pytest.approx(0.5)
+    assert choice.ambiguity[1] == pytest.approx(0.5)
 
 
 def test_the_chance_that_errors_have_exchanged_the_candidates():
@@ -178,26 +178,26 @@ def test_the_chance_that_errors_have_exchanged_the_candidates():
     tilt = rng.uniform(0.0, 0.5, number) + sigma * rng.normal(size=number)
     normals = np.stack([np.sin(tilt), np.zeros_like(tilt), -np.cos(tilt)], axis=-1)
     candidates = np.stack([normals, normals * np.array([-1.0, 1.0, 1.0])], axis=1)
-    choice = choose(facing(candidates, np.array([2.0, 0.0, 0.0]), np.full((number, 2), sigma)))
+    choice = decide(facing(candidates, np.array([2.0, 0.0, 0.0]), np.full((number, 2), sigma)))
     wrong = choice.chosen == 1
     for low, high in ((0.0, 0.05), (0.05, 0.2), (0.2, 0.5)):
-        among = (choice.wrong >= low) & (choice.wrong <= high)
+        among = (choice.ambiguity >= low) & (choice.ambiguity <= high)
         assert among.sum() > 500
-        assert wrong[among].mean() == pytest.approx(choice.wrong[among].mean(), abs=0.03)
+        assert wrong[among].mean() == pytest.approx(choice.ambiguity[among].mean(), abs=0.03)
 
 
 def test_hints_add_up():
     normals = np.array([[[0.1, 0.0, -0.995], [-0.1, 0.0, -0.995]]])
     weak = rough_normal(normals, np.array([0.3, 0.0, -1.0]), 20.0)
-    twice = choose(weak + weak)
-    once = choose(weak)
+    twice = decide(weak + weak)
+    once = decide(weak)
     assert twice.chosen[0] == once.chosen[0] == 0
-    assert twice.wrong[0] < once.wrong[0] < 0.5
+    assert twice.ambiguity[0] < once.ambiguity[0] < 0.5
 
 
 def test_no_hint_is_a_toss():
-    choice = choose(np.zeros((3, 2)))
-    np.testing.assert_array_equal(choice.wrong, 0.5)
+    choice = decide(np.zeros((3, 2)))
+    np.testing.assert_array_equal(choice.ambiguity, 0.5)
     np.testing.assert_array_equal(choice.chosen, 0)
 
 

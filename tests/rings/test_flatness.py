@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from collections import Counter
-
 import numpy as np
 import pytest
 
-from benchmarks.flatness import CAMERA, View, flips_at, law, measured, rims_of, views
+from benchmarks.flatness import CAMERA, View, flips_at, law, measured, rims_of, targets_among, views
 from circlepose.errors import TargetError
 from circlepose.io.target_file import target_from_mapping, target_to_mapping
 from circlepose.results import Flag, SettledBy
-from circlepose.rings.cues import DISTRUST
-from circlepose.rings.flatness import STEP_WEIGHT
-from circlepose.rings.results import find_ring_targets
+from circlepose.rings.options import DEFAULT
 from circlepose.targets.target import FLATNESS_SHARE, Target
 
 RADII = (45.0, 30.0)
@@ -47,7 +43,7 @@ def test_a_step_is_found_and_no_wrong_candidate_is_sure(tilt_deg, step):
     circle = measured(target, np.random.default_rng(tilt_deg))
     assert circle is not None
     assert Flag.NOT_FLAT in circle.flags
-    assert circle.ambiguity > DISTRUST / 2.0
+    assert circle.ambiguity > DEFAULT.least_contradicted_ambiguity / 2.0
     right = max(circle.candidates, key=lambda candidate: float(candidate.normal @ target.normal))
     assert abs(right.height_mm - step) < 4.0 * right.height_sigma_mm
     if tilt_deg >= 40:
@@ -74,7 +70,7 @@ def test_flat_targets_are_found_flat_with_errors_as_told():
         chosen = circle.candidates[0]
         heights.append(chosen.height_mm / chosen.height_sigma_mm)
         distances.append(chosen.vanishing_distance_sigmas)
-    assert np.mean(ambiguities) < STEP_WEIGHT
+    assert np.mean(ambiguities) < DEFAULT.step_weight
     # The radii are exact here, while a tolerance of theirs is told: less than one.
     assert 0.05 < np.mean(np.square(heights)) < 1.4
     assert np.mean(np.square(distances)) < 2.8
@@ -86,7 +82,7 @@ def test_what_is_known_of_flatness_enters_the_choice_and_the_covariance():
 
     def outer(flatness):
         what = Target("coplanar", RADII, flatness_sigma_mm=flatness)
-        return find_ring_targets(rims, CAMERA, what, ("chen-huang",), Counter())[0]
+        return targets_among(rims, what)[0]
 
     flat, usual, rough = outer(0.0), outer(None), outer(0.5)
     assert Flag.NOT_FLAT in flat.flags
@@ -94,19 +90,15 @@ def test_what_is_known_of_flatness_enters_the_choice_and_the_covariance():
     assert usual.candidates[0].height_mm == flat.candidates[0].height_mm
     far = rims_of(view(40.0, 0.0, distance=3000.0), None)
     told = [
-        find_ring_targets(far, CAMERA, Target("coplanar", RADII, flatness_sigma_mm=each), ("chen-huang",), Counter())[
-            0
-        ].ambiguity
+        targets_among(far, Target("coplanar", RADII, flatness_sigma_mm=each))[0].ambiguity
         for each in (0.0, 0.1, 0.3, 1.0)
     ]
     assert told == sorted(told)
-    assert told[0] < 1.01 * STEP_WEIGHT
+    assert told[0] < 1.01 * DEFAULT.step_weight
     assert told[-1] > 0.4
     frontal = rims_of(view(2.0, 0.0), None)
     sigma = [
-        find_ring_targets(
-            frontal, CAMERA, Target("coplanar", RADII, flatness_sigma_mm=each), ("chen-huang",), Counter()
-        )[0]
+        targets_among(frontal, Target("coplanar", RADII, flatness_sigma_mm=each))[0]
         .candidates[0]
         .covariance[3:, 3:]
         .trace()
@@ -121,7 +113,7 @@ def test_the_vanishing_line_is_an_alarm_of_its_own():
     circle = measured(view(40.0, -2.0), np.random.default_rng(1))
     assert circle is not None
     assert Flag.VANISHING_LINE_DISAGREES in circle.flags
-    assert circle.ambiguity >= DISTRUST
+    assert circle.ambiguity >= DEFAULT.least_contradicted_ambiguity
     assert all(candidate.vanishing_distance_deg > 10.0 for candidate in circle.candidates)
     assert circle.settled_by is not SettledBy.VANISHING_LINE
     flat = measured(view(40.0, 0.0), np.random.default_rng(1))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +15,8 @@ from circlepose.geometry.cone import plane_basis
 from circlepose.imaging.gray import to_grey
 from circlepose.measurement.edge_fit import rim_from_fit
 from circlepose.results import Status
-from circlepose.rings.guided_search import with_second_rims
+from circlepose.rings.guided_search import with_hidden_rims
+from circlepose.rings.matching import match_rings
 from circlepose.rings.results import find_ring_targets
 from circlepose.synthesis.render import render
 from circlepose.synthesis.scene import Box, CoaxialPart, Disc, Paint, Patch, Rings, Scene, Texture
@@ -49,7 +49,13 @@ def picture(*parts, occluders=(), background=None):
 
 def found_from(image, circle, target):
     """What is found in `image` when of the target only `circle` is known."""
-    return with_second_rims(image, CAMERA, [exact_rim(circle)], target)[1:]
+    return searched(image, [exact_rim(circle)], target)[1:]
+
+
+def searched(image, rims, target):
+    """The rims of an image after the search, those known first."""
+    matched = with_hidden_rims(image, CAMERA, match_rings(rims, CAMERA, target), target)
+    return [each.rim for each in matched.rims]
 
 
 def in_sight(part):
@@ -79,10 +85,12 @@ def test_a_floor_of_which_a_quarter_is_in_sight_settles_which_candidate_is_right
     part = CoaxialPart(CENTER, tilted(53.0), (45.0, 30.0), HEIGHT_MM, "recess", Paint(80.0), Paint(230.0))
     assert 0.22 < in_sight(part) < 0.37
     image = picture(part)
-    rims = with_second_rims(image, CAMERA, [exact_rim(part.circles[0])], COAXIAL)
+    known = match_rings([exact_rim(part.circles[0])], CAMERA, COAXIAL)
+    matched = with_hidden_rims(image, CAMERA, known, COAXIAL)
+    rims = [each.rim for each in matched.rims]
     assert len(rims) > 1
     assert rims[1].rim_used < 0.4
-    results = find_ring_targets(rims, CAMERA, COAXIAL, ("chen-huang",), Counter())
+    results = find_ring_targets(rims, matched, CAMERA, COAXIAL, ("chen-huang",)).circles
     assert [circle.circle for circle in results] == ["big", "small"]
     for circle, true in zip(results, part.circles, strict=True):
         measured = error(circle, TrueCircle(true.center, true.normal, None, None, true.name))
@@ -130,6 +138,6 @@ def test_nothing_is_sought_that_is_there_or_that_nothing_predicts():
     part = CoaxialPart(CENTER, tilted(30.0), (45.0, 30.0), HEIGHT_MM, "boss", Paint(80.0), Paint(230.0))
     image = picture(part)
     both = [exact_rim(circle) for circle in part.circles]
-    assert with_second_rims(image, CAMERA, both, COAXIAL) == both
-    assert with_second_rims(image, CAMERA, both[:1], replace(COAXIAL, generatrix_mm=None)) == both[:1]
-    assert with_second_rims(image, CAMERA, [], COAXIAL) == []
+    assert searched(image, both, COAXIAL) == both
+    assert searched(image, both[:1], replace(COAXIAL, generatrix_mm=None)) == both[:1]
+    assert searched(image, [], COAXIAL) == []

@@ -12,17 +12,16 @@ from hypothesis import strategies as st
 from circlepose.camera.camera import Camera, circle_contour
 from circlepose.geometry.cone import factor_from_circle, plane_basis, principal_frame
 from circlepose.geometry.cone_perturbation import grown, mode_shapes
+from circlepose.results import Failure
+from circlepose.rings.evidence import RimEvidence, from_edges, from_levels
 from circlepose.rings.joint_pose import (
-    PLACE_SHARE,
-    RADIUS_SHARE,
     AxisPose,
-    RimEvidence,
+    JointPose,
     RingProblem,
     are_one,
     chance_of_second,
-    from_edges,
-    from_levels,
 )
+from circlepose.rings.options import DEFAULT
 from circlepose.solvers.chen_huang import poses_from_frame
 from circlepose.uncertainty.pose_covariance import pose_covariance
 from tests.support.cases import circle_case, circle_cases
@@ -54,8 +53,8 @@ def drawn(ring, pose, generator):
     for number, rim in enumerate(ring.rims):
         (center, normal), radius = pose.circle(number), rim.radius
         if number > 0:
-            center = center + PLACE_SHARE * ring.rims[0].radius * generator.normal(size=3)
-            radius = radius * (1.0 + RADIUS_SHARE * generator.normal())
+            center = center + DEFAULT.place_share * ring.rims[0].radius * generator.normal(size=3)
+            radius = radius * (1.0 + DEFAULT.radius_share * generator.normal())
         noise = np.linalg.cholesky(np.linalg.inv(rim.information)) @ generator.normal(size=5)
         rims.append(replace(rim, factor=grown(factor_from_circle(center, normal, radius), noise)))
     known = ring.height_sigma if np.isfinite(ring.height_sigma) else 0.0
@@ -77,7 +76,7 @@ def test_from_exact_rims_comes_the_exact_pose(case, height, height_sigma):
     ring, pose = problem(case, (1.0, 0.7), height * case.radius, height_sigma if coaxial else 0.0)
     start = disturbed(case, pose)
     solved = ring.solve(replace(start, height=1.05 * pose.height) if height_sigma == np.inf else start)
-    assert solved is not None
+    assert isinstance(solved, JointPose)
     assert solved.misfit < 1e-3
     away = pose.offset(0, solved.pose)
     sigma = np.sqrt(np.diag(solved.covariance_of(0)))
@@ -93,12 +92,12 @@ def test_errors_of_joint_poses_have_the_covariance_that_is_told(tilt_deg, height
     case = circle_case(45.0, 700.0, 15.0, 30.0, tilt_deg, 200.0)
     ring, pose = problem(case, (1.0, 0.65), height, height_sigma)
     exact = ring.solve(pose)
-    assert exact is not None
+    assert isinstance(exact, JointPose)
     generator = np.random.default_rng(3)
     found, misfits = [], []
     for _ in range(250):
         solved = drawn(ring, pose, generator).solve(pose)
-        assert solved is not None
+        assert isinstance(solved, JointPose)
         found.append([pose.offset(number, solved.pose) for number in (0, 1)])
         misfits.append(solved.misfit)
     assert np.mean(misfits) == pytest.approx(exact.freedom, rel=0.2)
@@ -115,7 +114,7 @@ def test_a_second_circle_never_makes_the_pose_less_certain(case):
     joint = ring.at(pose)
     rim = ring.rims[0]
     lone = pose_covariance(rim.factor, np.linalg.inv(rim.information), case.center, case.normal, case.radius)
-    assert joint is not None
+    assert isinstance(joint, JointPose)
     assert lone is not None
     units = np.array([case.radius] * 3 + [1.0] * 2)
     gained = (lone - joint.covariance_of(0)) / np.outer(units, units)
@@ -129,12 +128,12 @@ def test_a_wrong_radius_is_not_absorbed(excess):
     ring, pose = problem(case, (1.0, 0.6), sigma=1e-4)
     wrong = replace(ring, rims=(ring.rims[0], replace(ring.rims[1], radius=30.0 * excess)))
     solved = wrong.solve(pose)
-    assert solved is not None
+    assert isinstance(solved, JointPose)
     assert np.linalg.norm(solved.pose.center - case.center) < 2e-4 * 700.0
     assert solved.misfit > 100.0
     assert solved.excess > 5.0
     right = ring.solve(pose)
-    assert right is not None
+    assert isinstance(right, JointPose)
     assert right.excess == 1.0
     ratio = solved.covariance_of(0)[3, 3] / right.covariance_of(0)[3, 3]
     assert ratio == pytest.approx(solved.excess, rel=0.1)
@@ -154,7 +153,7 @@ def test_of_choices_with_an_ambiguity_such_a_share_is_wrong(sigma):
         ring, pose = problem(case, sigma=sigma)
         ring = drawn(ring, pose, generator)
         solved = [ring.solve(start) for start in candidates(ring, case.radius)]
-        if None in solved or are_one(*solved):
+        if any(isinstance(each, Failure) for each in solved) or are_one(*solved):
             continue
         first, second = sorted(solved, key=lambda joint: -joint.log_weight)
         told.append(chance_of_second(first.log_weight, second.log_weight))
@@ -188,9 +187,9 @@ def test_edges_tell_how_a_rim_has_grown(seen):
     contour = circle_contour(CAMERA, case.center, case.normal, case.radius, 120)
     rays, jacobians = (each[: int(seen * 120)] for each in CAMERA.rays_with_jacobian(contour))
     factor = factor_from_circle(case.center, case.normal, case.radius)
-    amounts = np.array([0.004, -0.002, 0.001, 0.003, -0.002])
-    measured = from_edges(grown(factor, -amounts), case.radius, rays, jacobians, 0.05, 0.0)
-    np.testing.assert_allclose(measured.amounts, amounts, atol=1e-4 if seen == 1.0 else 1e-3)
+    coefficients = np.array([0.004, -0.002, 0.001, 0.003, -0.002])
+    measured = from_edges(grown(factor, -coefficients), case.radius, rays, jacobians, 0.05, 0.0)
+    np.testing.assert_allclose(measured.coefficients, coefficients, atol=1e-4 if seen == 1.0 else 1e-3)
     variances = np.linalg.eigvalsh(measured.information)
     assert variances[0] > 0.0
     common = from_edges(factor, case.radius, rays, jacobians, 0.05, 0.05)
@@ -218,7 +217,7 @@ def test_part_of_a_rim_is_enough_beside_a_whole_one():
 def test_no_pose_comes_back_that_the_camera_could_not_see():
     case = circle_case(40.0, 600.0, 12.0, 40.0, 35.0, 10.0)
     ring, pose = problem(case)
-    assert ring.at(replace(pose, normal=-pose.normal)) is None
-    assert ring.at(replace(pose, center=-pose.center)) is None
+    assert isinstance(ring.at(replace(pose, normal=-pose.normal)), Failure)
+    assert isinstance(ring.at(replace(pose, center=-pose.center)), Failure)
     blind = RimEvidence(ring.rims[0].factor, 40.0, np.zeros(5), np.zeros((5, 5)))
-    assert RingProblem((blind, blind)).solve(pose) is None
+    assert isinstance(RingProblem((blind, blind)).solve(pose), Failure)

@@ -114,7 +114,7 @@ def test_rings_that_are_not_concentric_are_said_to_be_so():
     across, _ = plane_basis(NORMAL)
     result = measured(COPLANAR, disc(50.0), disc(30.0, CENTER + 8.0 * across, BRIGHT))
     assert result.status is Status.TOO_FEW_CIRCLES
-    assert "the nested circles seen are not concentric, their centres are " in result.reason
+    assert "the nested circles seen are not concentric, their centers are " in result.reason
     assert result.circles[0].circle == "outer"
 
 

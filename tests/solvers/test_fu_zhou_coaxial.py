@@ -12,7 +12,6 @@ from circlepose.solvers.fu_zhou_coaxial import (
     MeasuredCircle,
     ends_covariance,
     generatrix_ends,
-    generatrix_length,
     height_from_generatrix,
     pair_candidates,
     pair_misfit,
@@ -109,7 +108,7 @@ def test_table_2_of_fu_and_zhou(scene):
     big = poses_from_frame(principal_frame(factor_from_circle(center, normal, 45.0)), 45.0)
     small = poses_from_frame(principal_frame(factor_from_circle(center + height * normal, normal, 30.0)), 30.0)
     partner = pair_candidates(big[1], small[1])
-    lengths = generatrix_length(*big, 45.0, small[0][partner], small[1][partner], 30.0)
+    lengths = generatrix_ends(*big, 45.0, small[0][partner], small[1][partner], 30.0)[..., 0]
     right = int(np.argmax(big[1] @ normal))
     assert lengths[right] == pytest.approx(45.21, abs=1e-9)
     assert lengths[1 - right] < 45.21 - 3.0

@@ -6,13 +6,13 @@ have each component as a column of its own as well, after the printed ones.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal, TextIO
 
 import numpy as np
 
+from circlepose._numerics import angle_between
 from circlepose._typing import FloatArray
 from circlepose.evaluation.matching import TabledPose
 from circlepose.io.tables import Layout, json_records
@@ -20,7 +20,7 @@ from circlepose.io.tables import columns as tables
 from circlepose.io.tables.columns import Row
 from circlepose.io.tables.reference import CircleKey, Reference
 from circlepose.results import CircleResult, ImageResult
-from circlepose.solvers.fu_zhou_coaxial import generatrix_length
+from circlepose.solvers.fu_zhou_coaxial import generatrix_ends
 
 DataFormat = Literal["csv", "tsv", "json", "jsonl"]
 
@@ -232,7 +232,7 @@ def _center_errors(center: FloatArray, true: TabledPose | None) -> Row:
 def _angle_deg(normal: FloatArray, true: TabledPose | None) -> float | None:
     if true is None or true.normal is None:
         return None
-    return math.degrees(2.0 * math.asin(min(1.0, float(np.linalg.norm(normal - true.normal)) / 2.0)))
+    return float(np.degrees(angle_between(normal, np.asarray(true.normal))))
 
 
 def _reference_generatrix(
@@ -253,7 +253,7 @@ def _reference_generatrix(
     if any(pose.center_mm is None or pose.normal is None for pose in poses):
         return None
     big_pose, small_pose = ((np.array(pose.center_mm), np.array(pose.normal)) for pose in poses)
-    return float(generatrix_length(*big_pose, circle.radius_mm, *small_pose, small.radius_mm))
+    return float(generatrix_ends(*big_pose, circle.radius_mm, *small_pose, small.radius_mm)[0])
 
 
 def _vector(values: FloatArray) -> Vector:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from circlepose._numerics import angle_between
 from circlepose._typing import FloatArray
 from circlepose.camera.camera import Camera
 from circlepose.io.calibration.reader import CameraFile
@@ -94,17 +95,12 @@ def _field_of_view(camera: Camera, size: tuple[int, int]) -> dict[str, float | N
         [[[-0.5, cy], [right, cy]], [[cx, -0.5], [cx, bottom]], [[-0.5, -0.5], [right, bottom]]],
     )
     rays = camera.rays(ends)
-    between = _angle(rays[:, 0], rays[:, 1])
+    between = angle_between(rays[:, 0], rays[:, 1])
     # Two rays of a very wide lens enclose more than half a turn on the side of the scene.
     axis = np.array([0.0, 0.0, 1.0])
-    sum_from_axis = _angle(rays[:, 0], axis) + _angle(rays[:, 1], axis)
+    sum_from_axis = angle_between(rays[:, 0], axis) + angle_between(rays[:, 1], axis)
     angles = np.degrees(np.where(sum_from_axis > np.pi, 2.0 * np.pi - between, between))
     return dict(zip(("horizontal", "vertical", "diagonal"), map(_finite, angles.tolist()), strict=True))
-
-
-def _angle(first: FloatArray, second: FloatArray) -> FloatArray:
-    apart, along = np.linalg.norm(first - second, axis=-1), np.linalg.norm(first + second, axis=-1)
-    return np.asarray(2.0 * np.arctan2(apart, along))
 
 
 def _corner_shifts(camera: Camera, size: tuple[int, int]) -> Iterator[CornerShift]:
@@ -117,7 +113,7 @@ def _corner_shifts(camera: Camera, size: tuple[int, int]) -> Iterator[CornerShif
     principal_point = camera.camera_matrix[:2, 2]
     length = np.linalg.norm(corners - ideal, axis=1)
     outwards = np.linalg.norm(corners - principal_point, axis=1) >= np.linalg.norm(ideal - principal_point, axis=1)
-    angles = np.degrees(np.arctan2(np.linalg.norm(rays[:, :2], axis=1), rays[:, 2]))
+    angles = np.degrees(angle_between(rays, np.array([0.0, 0.0, 1.0])))
     shifts = np.where(outwards, length, -length)
     for corner, angle, shift in zip(_CORNERS, angles.tolist(), shifts.tolist(), strict=True):
         yield CornerShift(corner, _finite(angle), _finite(shift))
