@@ -47,6 +47,7 @@ from circlepose.fitting.cone_fit import factor_from_ellipse, fit_cone
 from circlepose.fitting.direct import fit_ellipse
 from circlepose.geometry.cone import plane_basis
 from circlepose.geometry.conic import Ellipse
+from circlepose.results import Failure
 from circlepose.solvers.registry import solve
 from circlepose.synthesis.disc_sets import RADIUS_MM, disc_views
 from circlepose.synthesis.render import render
@@ -75,7 +76,7 @@ def poses_of_factor(factor: FloatArray | None, radius_mm: float) -> Poses:
     if factor is None:
         return ()
     solutions = solve("chen-huang", factor, np.zeros((0, 3)), radius_mm)
-    return () if isinstance(solutions, str) else list(zip(solutions.centers, solutions.normals, strict=True))
+    return () if isinstance(solutions, Failure) else list(zip(solutions.centers, solutions.normals, strict=True))
 
 
 def poses_of_ellipse(camera: Camera, ellipse: Ellipse | None, radius_mm: float) -> Poses:

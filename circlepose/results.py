@@ -54,6 +54,15 @@ STATUS_MEANING: Mapping[Status, str] = {
 }
 
 
+@dataclass(frozen=True, slots=True)
+class Failure:
+    """Why a stage has no result: returned in place of the result, never raised."""
+
+    status: Status
+    reason: str
+    """one sentence for a person"""
+
+
 class Flag(StrEnum):
     """Remarks on a pose that stands. The text of each is in `FLAG_MEANING`."""
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from circlepose._typing import FloatArray, Image
 from circlepose.camera.camera import Camera, circle_contour
-from circlepose.diagnostics.explain import ExplainedCircle, Explanation, camera_of, rim_places, stretches_left_out
+from circlepose.diagnostics.explain import ExplainedCircle, Explanation, camera_of, rim_places, segments_left_out
 from circlepose.diagnostics.residuals import LevelResiduals, edge_offsets
 from circlepose.drawing import captions
 from circlepose.drawing.captions import Color
@@ -76,7 +76,7 @@ def _panel(base: Image, circle: ExplainedCircle, camera: Camera) -> Image:
 
 def _crop(base: Image, circle: ExplainedCircle, ellipse: Ellipse, camera: Camera) -> Image:
     """Return the enlarged surroundings of a rim (_CROP, _CROP, 3), with what is in use and what is left out."""
-    reach = 4.0 if circle.levels is None else circle.levels.reach_px
+    reach = 4.0 if circle.levels is None else circle.levels.half_width_px
     half = float(ellipse.semi_major) + reach + max(4.0, 0.12 * float(ellipse.semi_major))
     scale = _CROP / (2.0 * half)
     corner = ellipse.center - half
@@ -136,7 +136,7 @@ def _residuals(panel: Image, circle: ExplainedCircle, levels: LevelResiduals, el
     """Draw the residuals of all pixels, unrolled along the rim, and where the edge is by stretches of it."""
     left, width = _MARGIN + _CROP + 90, _WIDTH - _CROP - 2 * _MARGIN - 100
     perimeter = np.pi * float(ellipse.semi_major + ellipse.semi_minor)
-    reach = levels.reach_px
+    reach = levels.half_width_px
     place = rim_places(ellipse, levels.pixels)
     unrolled = Plot(panel, left, 40, width, 150, (0.0, 360.0), (-reach, reach))
     unrolled.bands([(0.0, 360.0)], FAINT)
@@ -155,7 +155,7 @@ def _residuals(panel: Image, circle: ExplainedCircle, levels: LevelResiduals, el
         max(3.0 * float(np.median(error[known])), 1.1 * float(np.max(np.abs(offset[known])))) if known.any() else 1.0
     )
     edge = Plot(panel, left, 250, width, 110, (0.0, 360.0), (-most, most))
-    edge.bands(stretches_left_out(circle), _SHADE)
+    edge.bands(segments_left_out(circle), _SHADE)
     middle = (np.arange(number) + 0.5) * 360.0 / number
     edge.line(np.array([0.0, 360.0]), np.zeros(2), INK, 1)
     for sign in (-1.0, 1.0):
@@ -172,7 +172,7 @@ def _residuals(panel: Image, circle: ExplainedCircle, levels: LevelResiduals, el
 def _profile(panel: Image, levels: LevelResiduals) -> None:
     """Draw the levels against the distance from the rim, measured and of the model."""
     left, width = _MARGIN + _CROP + 90, _WIDTH - _CROP - 2 * _MARGIN - 100
-    reach = levels.reach_px
+    reach = levels.half_width_px
     low, high = (float(v) for v in np.percentile(levels.measured, [0.5, 99.5]))
     margin = 0.08 * max(high - low, 1.0)
     plot = Plot(panel, left, 420, width, 200, (-reach, reach), (low - margin, high + margin))

@@ -1,4 +1,4 @@
-"""A measured rim -> results: the candidate poses of each method, their imaged centres, flags."""
+"""A measured rim -> results: the candidate poses of each method, their imaged centers, flags."""
 
 from __future__ import annotations
 
@@ -11,20 +11,12 @@ from circlepose._typing import FloatArray
 from circlepose.camera.camera import Camera
 from circlepose.geometry.cone import ConeKind, PrincipalFrame, principal_frame
 from circlepose.geometry.cone_perturbation import MODES
-from circlepose.measurement.edge_fit import Rim
-from circlepose.results import Candidate, CircleResult, Flag, Status
+from circlepose.measurement.options import DEFAULT, MeasurementOptions
+from circlepose.measurement.rim import EdgeRim, FittedRim, Rim, modes_covariance
+from circlepose.results import Candidate, CircleResult, Failure, Flag
 from circlepose.solvers.registry import Solutions, solve, solve_chen_huang
 from circlepose.uncertainty.pose_covariance import pose_covariances, segment_covariance
 
-_SIGMAS = 3.0
-"""Standard errors by which two semi-axes must differ, or one from 0, to be told apart."""
-_SEGMENT_PX = 0.35
-"""Semi-minor axis below which levels cannot tell a thin disc of high contrast from a thicker one of low contrast."""
-_NEAR_RIGHT = 8.0
-"""The tilt is ill-determined while the semi-axes differ by less than so many standard errors."""
-_SLIVER_PX = 2.0
-_POOR_FIT_PX = 0.35
-_FULL_RIM = 0.9
 _ORDER = (
     Flag.AMBIGUOUS,
     Flag.NEAR_RIGHT,
@@ -45,13 +37,11 @@ def circle_results(
     circle: str,
     *,
     chen_huang: Solutions | None = None,
+    options: MeasurementOptions = DEFAULT,
 ) -> list[CircleResult]:
-    """Return a result for each method, the candidates of a lone circle: nothing says yet which is right.
-
-    `chen_huang` are the solutions by that method of the rim's settled factor, where they are known already.
-    """
+    """Return the results of one rim, see `results_of_rims`."""
     known = None if chen_huang is None else [chen_huang]
-    return results_of_rims([rim], camera, methods, radius_mm, [instance], circle, chen_huang=known)
+    return results_of_rims([rim], camera, methods, radius_mm, [instance], circle, chen_huang=known, options=options)
 
 
 def results_of_rims(
@@ -63,13 +53,39 @@ def results_of_rims(
     circle: str,
     *,
     chen_huang: Sequence[Solutions] | None = None,
+    options: MeasurementOptions = DEFAULT,
 ) -> list[CircleResult]:
-    """As `circle_results`, for many rims at once, each an instance of its own."""
+    """Solve the poses of lone circles of one radius. Which candidate is right is left open.
+
+    Parameters
+    ----------
+    rims
+        (m) the measured rims.
+    camera
+        The calibration for this image size.
+    methods
+        Names of `circlepose.solvers.CIRCLE_METHODS`.
+    radius_mm
+        Radius of every circle, mm.
+    instances
+        (m) number of the target in the image, of each rim.
+    circle
+        Name of the circle in its target.
+    chen_huang
+        (m) solutions by that method of the rims' settled factors, where they are known already.
+    options
+        The numbers of the measurement.
+
+    Returns
+    -------
+    A result for each rim and method, the methods of one rim together; centers in mm, camera frame. A method without
+    a pose gives a result with the status `no_pose` and the reason.
+    """
     if not rims:
         return []
     measured = np.stack([rim.cone.factor for rim in rims])
     frames = principal_frame(measured)
-    factors = _settled_factors(rims, frames)
+    factors = _settled_factors(rims, frames, options)
     settled = frames if np.array_equal(factors, measured) else principal_frame(factors)
     known = chen_huang or solve_chen_huang(settled, radius_mm)
     covariances = _covariances(rims, camera, frames, factors, known, radius_mm)
@@ -89,15 +105,15 @@ def results_of_rims(
             score=rim.score,
             contour=rim.points,
         )
-        flags = _flags(rim, float(frames.tan_half_minor[k] / frames.tan_half_major[k]))
+        flags = _flags(rim, float(frames.tan_half_minor[k] / frames.tan_half_major[k]), options)
         for method in methods:
             solutions = known[k]
             if method == "chen-huang":
                 candidates = _candidates(solutions, imaged[own], covariances[own])
             else:
                 found = solve(method, factors[k], camera.rays(rim.points), radius_mm)
-                if isinstance(found, str):
-                    results.append(replace(base, method=method, status=Status.NO_POSE, reason=found))
+                if isinstance(found, Failure):
+                    results.append(replace(base, method=method, status=found.status, reason=found.reason))
                     continue
                 solutions = found
                 candidates = _candidates(solutions, camera.project(solutions.centers))
@@ -105,7 +121,7 @@ def results_of_rims(
                     reference = _candidates(known[k], imaged[own])
                     candidates = tuple(compared(candidate, reference) for candidate in candidates)
             one = len(candidates) == 1
-            told = flags | {Flag.AMBIGUOUS: not one, Flag.CHORD_MENDED: solutions.mended}
+            is_set = flags | {Flag.AMBIGUOUS: not one, Flag.CHORD_MENDED: solutions.mended}
             results.append(
                 replace(
                     base,
@@ -113,32 +129,33 @@ def results_of_rims(
                     candidates=candidates,
                     ambiguity=0.0 if one else 0.5,
                     cone=ConeKind(solutions.cone),
-                    flags=tuple(flag for flag in _ORDER if told[flag]),
+                    flags=tuple(flag for flag in _ORDER if is_set[flag]),
                 )
             )
     return results
 
 
-def settled_factor(rim: Rim) -> FloatArray:
-    """Return the viewing cone's factor (3, 3), right or degenerate where the edges tell no difference from that.
+def settled_factor(rim: Rim, *, options: MeasurementOptions = DEFAULT) -> FloatArray:
+    """Return the factor (3, 3) of a rim's viewing cone, or of the right or degenerate cone that it may be.
 
-    Within its error a circle seen along its axis is a right cone with one pose, where the fitted axes, never quite
-    equal, would give two with a tilt of their own; and a segment is edge-on, whatever width noise gives it.
+    `right`: the two semi-axes agree within three standard errors. The circle then has one pose, where the fitted
+    axes, which are never quite equal, would give two with a tilt of their own. `degenerate`: the semi-minor axis is
+    within three standard errors of zero, and the circle is seen edge-on.
     """
-    return _settled_factors([rim], principal_frame(rim.cone.factor[None]))[0]
+    return _settled_factors([rim], principal_frame(rim.cone.factor[None]), options)[0]
 
 
-def _settled_factors(rims: Sequence[Rim], frames: PrincipalFrame) -> FloatArray:
+def _settled_factors(rims: Sequence[Rim], frames: PrincipalFrame, options: MeasurementOptions) -> FloatArray:
     """As `settled_factor`, of m rims, with the frames (m, ...) of their cones."""
     factors = np.stack([rim.cone.factor for rim in rims])
     s, t = frames.tan_half_major, frames.tan_half_minor
     per_px = s / np.array([float(rim.ellipse.semi_major) for rim in rims])
-    error = _SIGMAS * np.array([rim.axis_error_px for rim in rims]) * per_px
-    right = s - t < error
-    flat = ~right & (t < np.maximum(error, _SEGMENT_PX * per_px))
+    error = options.settle_sigmas * np.array([rim.axis_error_px for rim in rims]) * per_px
+    is_right = s - t < error
+    is_flat = ~is_right & (t < np.maximum(error, options.segment_px * per_px))
     mean = np.sqrt(s * t)
-    axes = np.stack([np.where(right, mean, s), np.where(right, mean, 0.0), np.ones_like(s)], axis=-1)
-    return np.where((right | flat)[:, None, None], frames.rotation * axes[:, None, :], factors)
+    axes = np.stack([np.where(is_right, mean, s), np.where(is_right, mean, 0.0), np.ones_like(s)], axis=-1)
+    return np.where((is_right | is_flat)[:, None, None], frames.rotation * axes[:, None, :], factors)
 
 
 def _covariances(
@@ -149,19 +166,20 @@ def _covariances(
     known: Sequence[Solutions],
     radius_mm: float,
 ) -> list[FloatArray | None]:
-    """Return the covariance of each candidate of each rim in turn, where its rim's is known and the cone its own."""
+    """Return the covariance of each candidate of each rim in turn; None where the rim has none, or was settled."""
     centers = np.concatenate([solutions.centers for solutions in known])
     normals = np.concatenate([solutions.normals for solutions in known])
     owner = np.repeat(np.arange(len(rims)), [len(solutions.centers) for solutions in known])
     modes = np.full((len(rims), MODES, MODES), np.nan)
     for k, rim in enumerate(rims):
-        if rim.modes_covariance is not None and np.array_equal(factors[k], rim.cone.factor):
-            modes[k] = rim.modes_covariance
+        own = modes_covariance(rim)
+        if own is not None and np.array_equal(factors[k], rim.cone.factor):
+            modes[k] = own
     axes = frames.rotation[..., 2]
-    told = pose_covariances(factors[owner], axes[owner], modes[owner], centers, normals, radius_mm)
+    covariances = pose_covariances(factors[owner], axes[owner], modes[owner], centers, normals, radius_mm)
     return [
         each if np.isfinite(each[0, 0]) else _of_segment(rims[i], camera, factors[i], center, normal, radius_mm)
-        for each, i, center, normal in zip(told, owner.tolist(), centers, normals, strict=True)
+        for each, i, center, normal in zip(covariances, owner.tolist(), centers, normals, strict=True)
     ]
 
 
@@ -169,7 +187,9 @@ def _of_segment(
     rim: Rim, camera: Camera, settled: FloatArray, center: FloatArray, normal: FloatArray, radius_mm: float
 ) -> FloatArray | None:
     """Return the covariance of a pose whose rim was settled to be seen edge-on and measured from its levels."""
-    if rim.ellipse_covariance is None or not principal_frame(settled).is_degenerate:
+    if not isinstance(rim, FittedRim) or rim.ellipse_covariance is None:
+        return None
+    if not principal_frame(settled).is_degenerate:
         return None
     return segment_covariance(camera, rim.ellipse, rim.ellipse_covariance, center, normal, radius_mm)
 
@@ -188,7 +208,7 @@ def _candidates(
 
 
 def compared(candidate: Candidate, reference: Sequence[Candidate]) -> Candidate:
-    """Add the differences to the like candidate of Chen & Huang's: the one whose normal is nearest."""
+    """Add the differences to the corresponding candidate of Chen & Huang's: the one whose normal is nearest."""
     if not reference:
         return candidate
     nearest = max(reference, key=lambda other: float(other.normal @ candidate.normal))
@@ -200,13 +220,13 @@ def compared(candidate: Candidate, reference: Sequence[Candidate]) -> Candidate:
     )
 
 
-def _flags(rim: Rim, axis_ratio: float) -> dict[Flag, bool]:
-    """Return what is to be said of a rim, by whatever method it is solved."""
-    semi_minor = float(rim.ellipse.semi_minor)
+def _flags(rim: Rim, axis_ratio: float, options: MeasurementOptions) -> dict[Flag, bool]:
+    """Return which flags a rim has by itself, whatever the method that solves it."""
+    apart_px = float(rim.ellipse.semi_major) * (1.0 - axis_ratio)
     return {
-        Flag.NEAR_RIGHT: float(rim.ellipse.semi_major) * (1.0 - axis_ratio) < _NEAR_RIGHT * rim.axis_error_px,
-        Flag.NEAR_DEGENERATE: semi_minor < _SLIVER_PX,
-        Flag.POOR_FIT: rim.cone.rms_px > _POOR_FIT_PX,
-        Flag.PARTIAL_RIM: rim.rim_used < _FULL_RIM,
-        Flag.EDGES_ONLY: rim.is_edges_only,
+        Flag.NEAR_RIGHT: apart_px < options.near_right_sigmas * rim.axis_error_px,
+        Flag.NEAR_DEGENERATE: float(rim.ellipse.semi_minor) < options.sliver_px,
+        Flag.POOR_FIT: rim.cone.rms_px > options.poor_fit_px,
+        Flag.PARTIAL_RIM: rim.rim_used < options.visible_rim_share,
+        Flag.EDGES_ONLY: isinstance(rim, EdgeRim) and rim.level_fit is not None,
     }

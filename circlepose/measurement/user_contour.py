@@ -1,9 +1,8 @@
-"""A contour that somebody else extracted -> the poses of its circle, or what is wrong with the contour."""
+"""A contour that the caller extracted -> the poses of its circle, or what is wrong with the contour."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import TypeGuard
 
 import numpy as np
@@ -16,43 +15,47 @@ from circlepose.errors import ArgumentError
 from circlepose.fitting.cone_fit import SeenPoints, fit_cone_to
 from circlepose.fitting.direct import MINIMUM_POINTS
 from circlepose.fitting.segment_cone import fit_flat_cone, is_flat
-from circlepose.measurement.edge_fit import Rim, has_length, rim_from_fit, segment_from_fit
+from circlepose.measurement.options import DEFAULT, MeasurementOptions
 from circlepose.measurement.poses import circle_results
-from circlepose.results import CircleResult, Status
+from circlepose.measurement.rim import EdgeRim, determines_length, rim_from_fit, segment_from_fit
+from circlepose.results import CircleResult, Failure, Status
 from circlepose.solvers import CIRCLE_METHODS
 
 _EXPECTED = "the (n, 2) px of one contour, in order along the rim"
 _FARTHEST_PX = 1e6
-_SLIVER_PX = 2.0
-"""Semi-minor axis up to which noise may be all the width that a contour has."""
-_BORDER_PX = 1.0
-_BORDER_SHARE = 0.05
 _MOST_CROSSING_CHECK = 400
 """Points to which a contour is thinned before its sides are tested for crossing, pair by pair."""
 
 
 def estimate_from_contour(
-    contour: ArrayLike, camera: Camera, radius_mm: float, *, method: str = "chen-huang"
+    contour: ArrayLike,
+    camera: Camera,
+    radius_mm: float,
+    *,
+    method: str = "chen-huang",
+    options: MeasurementOptions = DEFAULT,
 ) -> CircleResult:
-    """Estimate the pose of a circle of `radius_mm` from its contour in px of the raw image, closed, in order.
+    """Estimate the pose of a circle from the contour of its rim in the raw image, closed and in order.
 
     Parameters
     ----------
     contour
         (n, 2) px, an array or a list of points; also (n, 1, 2), one contour of those that `cv2.findContours` returns.
     camera
-        Its calibration.
+        The calibration.
     radius_mm
-        Of the circle.
+        Radius of the circle, mm.
     method
         A name of `circlepose.solvers.CIRCLE_METHODS`.
+    options
+        The numbers of the measurement.
 
     Returns
     -------
-    As `circlepose.estimate` gives for a lone circle. Of a segment, a circle seen edge-on, `chen-huang` and
-    `chen-huang-contour` give two poses: one centre and opposite normals. What is wrong with a contour is a status:
-    `too_few_points`, `points_coincide`, `self_crossing`, `touches_border` (the camera must know its image size),
-    `no_pose`.
+    The result for a lone circle, as `circlepose.estimate` gives it: centers in mm, camera frame. A segment, a circle
+    seen edge-on, has two poses by `chen-huang` and `chen-huang-contour`: one center and opposite normals. What is
+    wrong with a contour is a status: `too_few_points`, `points_coincide`, `self_crossing`, `touches_border` (if the
+    camera has an image size), `no_pose`.
 
     Raises
     ------
@@ -63,17 +66,11 @@ def estimate_from_contour(
     _arguments.instance_of(Camera, "camera", camera, _arguments.HOW_CAMERA)
     radius_mm = _arguments.length_mm("radius_mm", radius_mm, "a positive radius in mm (not a diameter)")
     _arguments.one_of(CIRCLE_METHODS, "method", method)
-    failed = CircleResult(0, "disc", method, radius_mm, contour=points)
-    status = _what_is_wrong(points, camera)
-    if status is not None:
-        return replace(failed, status=status, reason=_REASON[status])
-    rim = _rim(points, camera)
-    if isinstance(rim, str):
-        return replace(failed, status=Status.NO_POSE, reason=rim)
-    # A segment comes back on itself, and rounding has it cross.
-    if float(rim.cone.factor[:, 1] @ rim.cone.factor[:, 1]) > 0.0 and _crosses_itself(points):
-        return replace(failed, status=Status.SELF_CROSSING, reason=_REASON[Status.SELF_CROSSING])
-    return circle_results(rim, camera, (method,), radius_mm, 0, "disc")[0]
+    _arguments.instance_of(MeasurementOptions, "options", options, "MeasurementOptions(...)")
+    rim = _rim_of_contour(points, camera, options)
+    if isinstance(rim, Failure):
+        return CircleResult(0, "disc", method, radius_mm, contour=points, status=rim.status, reason=rim.reason)
+    return circle_results(rim, camera, (method,), radius_mm, 0, "disc", options=options)[0]
 
 
 def _points(contour: object) -> FloatArray:
@@ -111,48 +108,58 @@ def _are_contours(value: object) -> TypeGuard[Sequence[object]]:
     )
 
 
-def _rim(points: FloatArray, camera: Camera) -> Rim | str:
-    """Return the rim that the contour is, a segment where it is as narrow as one, or why it is none."""
+def _rim_of_contour(points: FloatArray, camera: Camera, options: MeasurementOptions) -> EdgeRim | Failure:
+    """Return the rim of a contour (n, 2), or what is wrong with the contour."""
+    if len(points) < MINIMUM_POINTS:
+        return Failure(Status.TOO_FEW_POINTS, f"an ellipse needs {MINIMUM_POINTS} points or more")
+    if float(np.ptp(points, axis=0).max()) == 0.0:
+        return Failure(Status.POINTS_COINCIDE, "all points of the contour are the same")
+    size = camera.image_size
+    if size is not None and _border_share(points, size, options.border_px) > options.worst_border_share:
+        return Failure(
+            Status.TOUCHES_BORDER,
+            "part of the contour is the image's border, not the circle's rim; leave that part out",
+        )
+    rim = _fitted_rim(points, camera, options)
+    # A segment comes back on itself, and rounding makes it cross.
+    if isinstance(rim, EdgeRim) and _has_width(rim) and _crosses_itself(points):
+        return Failure(Status.SELF_CROSSING, "the contour crosses itself; give its points in order along the rim")
+    return rim
+
+
+def _fitted_rim(points: FloatArray, camera: Camera, options: MeasurementOptions) -> EdgeRim | Failure:
+    """Fit an ellipse to a contour (n, 2), or a segment where the contour is as narrow as one."""
+    nothing = Failure(
+        Status.NO_POSE, "no ellipse fits the contour, and it is no segment either; or it lies outside the lens model"
+    )
     seen = SeenPoints.of(camera, points)
     fit = fit_cone_to(seen)
-    rim = None if fit is None or is_flat(fit) else rim_from_fit(camera, fit, points)
+    is_ellipse = fit is not None and not is_flat(fit)
+    rim = rim_from_fit(camera, fit, points, options=options) if fit is not None and is_ellipse else nothing
     flat = fit_flat_cone(seen)
-    is_wide = flat is None and rim is not None and float(rim.ellipse.semi_minor) > _SLIVER_PX
-    if rim is not None and (is_wide or has_length(rim)):
-        return rim
+    if isinstance(rim, EdgeRim):
+        is_wide = flat is None and float(rim.ellipse.semi_minor) > options.sliver_px
+        if is_wide or determines_length(rim, options=options):
+            return rim
     if flat is not None:
-        return segment_from_fit(camera, flat, points)
-    if rim is not None:
-        return "the contour is nearly a segment and its points do not settle how long it is"
-    return "no ellipse fits the contour, and it is no segment either; or it lies outside the lens model"
+        return segment_from_fit(camera, flat, points, options=options)
+    if isinstance(rim, EdgeRim):
+        return Failure(Status.NO_POSE, "the contour is nearly a segment and its points do not settle how long it is")
+    return nothing
 
 
-_REASON = {
-    Status.TOO_FEW_POINTS: f"an ellipse needs {MINIMUM_POINTS} points or more",
-    Status.POINTS_COINCIDE: "all points of the contour are the same",
-    Status.SELF_CROSSING: "the contour crosses itself; give its points in order along the rim",
-    Status.TOUCHES_BORDER: "part of the contour is the image's border, not the circle's rim; leave that part out",
-}
+def _has_width(rim: EdgeRim) -> bool:
+    return float(rim.cone.factor[:, 1] @ rim.cone.factor[:, 1]) > 0.0
 
 
-def _what_is_wrong(points: FloatArray, camera: Camera) -> Status | None:
-    if len(points) < MINIMUM_POINTS:
-        return Status.TOO_FEW_POINTS
-    if float(np.ptp(points, axis=0).max()) == 0.0:
-        return Status.POINTS_COINCIDE
-    if camera.image_size is not None and _on_border(points, camera.image_size) > _BORDER_SHARE:
-        return Status.TOUCHES_BORDER
-    return None
-
-
-def _on_border(points: FloatArray, image_size: tuple[int, int]) -> float:
-    """Return the share of the contour that runs along the image's border."""
+def _border_share(points: FloatArray, image_size: tuple[int, int], border_px: float) -> float:
+    """Return the share of the contour that lies on the image's border."""
     last = np.array(image_size) - 1.0
-    return float(np.mean(np.any((points < _BORDER_PX) | (points > last - _BORDER_PX), axis=1)))
+    return float(np.mean(np.any((points < border_px) | (points > last - border_px), axis=1)))
 
 
 def _crosses_itself(points: FloatArray) -> bool:
-    """Tell whether two sides of the closed polygon (n, 2) cross properly, away from their common ends."""
+    """Whether two sides of the closed polygon (n, 2) cross properly, away from their common ends."""
     step = -(-len(points) // _MOST_CROSSING_CHECK)
     start = points[::step]
     side = np.roll(start, -1, axis=0) - start

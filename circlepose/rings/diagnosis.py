@@ -10,7 +10,7 @@ import numpy as np
 from circlepose.camera.camera import Camera
 from circlepose.fitting.cone_fit import SeenPoints
 from circlepose.geometry.cone import cone_from_factor
-from circlepose.measurement.edge_fit import Rim
+from circlepose.measurement.rim import Rim
 from circlepose.rings.matching import allowed_px, free_height, largest_circle, may_belong
 from circlepose.solvers.fu_zhou_coplanar import concentricity, radius_ratio
 from circlepose.targets.target import Target

@@ -18,7 +18,8 @@ from circlepose.fitting.cone_fit import ConeFit, SeenPoints, rim_distance_px
 from circlepose.fitting.cone_projection import rim_pixels
 from circlepose.geometry.cone import factor_from_circle
 from circlepose.imaging.subpixel_edges import contour_normals, locate_edges
-from circlepose.measurement.edge_fit import Rim, rim_from_fit
+from circlepose.measurement.rim import Rim, rim_from_fit
+from circlepose.results import Failure
 from circlepose.rings.matching import as_circle, find_families, other_heights
 from circlepose.targets.target import Target
 
@@ -139,7 +140,7 @@ def _found(levels: Image, camera: Camera, prediction: _Prediction, others: Seque
         return None
     found = rim_from_fit(camera, fit, used.pixels, share, int(edges.polarity[0]))
     # Of an arc the errors of the axes grow faster than with the number of its edges.
-    return None if found is None else replace(found, axis_error_px=found.axis_error_px / share)
+    return None if isinstance(found, Failure) else replace(found, axis_error_px=found.axis_error_px / share)
 
 
 def _centred(

@@ -16,8 +16,9 @@ from circlepose._typing import FloatArray
 from circlepose.camera.camera import Camera
 from circlepose.detection.contour import WANTED_SIGN
 from circlepose.fitting.cone_fit import SeenPoints
-from circlepose.measurement.edge_fit import Rim
 from circlepose.measurement.poses import settled_factor
+from circlepose.measurement.rim import Rim
+from circlepose.results import Failure
 from circlepose.rings.reprojection import misfits_px
 from circlepose.solvers.fu_zhou_coaxial import height_from_generatrix
 from circlepose.solvers.registry import Solutions, solve
@@ -102,7 +103,7 @@ def as_circle(rim: Rim, seen: SeenPoints, target: Target, which: int) -> Solutio
     ):
         return None
     solutions = solve("chen-huang", settled_factor(rim), seen.rays, target.radii_mm[which])
-    if isinstance(solutions, str):
+    if isinstance(solutions, Failure):
         return None
     if target.depth_range_mm is not None:
         nearest, farthest = target.depth_range_mm

@@ -14,7 +14,7 @@ from circlepose.fitting.cone_fit import SeenPoints
 from circlepose.geometry.cone import ConeKind, principal_frame
 from circlepose.geometry.cone_perturbation import MODES
 from circlepose.geometry.conic import signed_distance
-from circlepose.measurement.edge_fit import Rim
+from circlepose.measurement.rim import Rim, modes_covariance
 from circlepose.rings.flatness import free_heights, is_stepped, log_flatness
 from circlepose.rings.joint_pose import (
     RADIUS_SHARE,
@@ -189,7 +189,8 @@ def _evidence(rim: Rim, radius: float, seen: SeenPoints, *, beside: bool) -> Rim
     common = min(_EDGES_PX2 / semi_minor**2, _MOST_COMMON_PX) * (_BESIDE_EDGES if beside else 1.0)
     scatter = max(rim.cone.rms_px, _LEAST_SCATTER_PX)
     edges = from_edges(rim.cone.factor, radius, seen.rays, seen.jacobians, scatter, common)
-    if rim.modes_covariance is None or not np.all(np.linalg.eigvalsh(rim.modes_covariance) > 0.0):
+    modes = modes_covariance(rim)
+    if modes is None or not np.all(np.linalg.eigvalsh(modes) > 0.0):
         return edges
     apart = edges.amounts
     if beside:
@@ -198,7 +199,7 @@ def _evidence(rim: Rim, radius: float, seen: SeenPoints, *, beside: bool) -> Rim
     else:
         is_contradicted = bool(apart @ edges.information @ apart > _CONTRADICTED * MODES)
         uneven = np.zeros((MODES, MODES))
-    return edges if is_contradicted else from_levels(rim.cone.factor, radius, rim.modes_covariance + uneven)
+    return edges if is_contradicted else from_levels(rim.cone.factor, radius, modes + uneven)
 
 
 def _within_model(seen: SeenPoints) -> SeenPoints:

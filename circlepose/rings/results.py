@@ -14,8 +14,8 @@ from circlepose.camera.camera import Camera
 from circlepose.detection.contour import WANTED_SIGN, Rejection
 from circlepose.fitting.cone_fit import SeenPoints
 from circlepose.geometry.cone import ConeKind
-from circlepose.measurement.edge_fit import Rim
 from circlepose.measurement.poses import circle_results, compared
+from circlepose.measurement.rim import Rim
 from circlepose.results import Candidate, CircleResult, Flag, SettledBy
 from circlepose.rings.cues import (
     UNTOLD,

@@ -9,6 +9,7 @@ import numpy as np
 from circlepose._typing import FloatArray
 from circlepose.errors import ArgumentError
 from circlepose.geometry.cone import PrincipalFrame, cone_kinds, principal_frame
+from circlepose.results import Failure, Status
 from circlepose.solvers import CIRCLE_METHODS, chen_huang, kabuka_arenas, kanatani_liu
 from circlepose.solvers.chords import chords_from_contour
 
@@ -29,7 +30,7 @@ class Solutions:
     """whether the contour route left out an outlier at one of its four points"""
 
 
-def solve(method: str, factor: FloatArray, contour_rays: FloatArray, radius: float) -> Solutions | str:
+def solve(method: str, factor: FloatArray, contour_rays: FloatArray, radius: float) -> Solutions | Failure:
     """Return the candidate poses of a circle of `radius` by a method of `CIRCLE_METHODS`, or why there are none.
 
     Parameters
@@ -49,7 +50,7 @@ def solve(method: str, factor: FloatArray, contour_rays: FloatArray, radius: flo
         case "chen-huang-contour":
             chords = chords_from_contour(contour_rays)
             if isinstance(chords, str):
-                return chords
+                return Failure(Status.NO_POSE, chords)
             frame, mended = chords.frame, chords.mended
             poses = chen_huang.poses_from_frame(frame, radius)
         case "kanatani-liu":
@@ -59,7 +60,7 @@ def solve(method: str, factor: FloatArray, contour_rays: FloatArray, radius: flo
         case _:
             raise ArgumentError(f"method: expected one of {', '.join(CIRCLE_METHODS)}, got {method!r}.")
     if poses is None:
-        return "the circle is seen edge-on; the method needs an ellipse"
+        return Failure(Status.NO_POSE, "the circle is seen edge-on; the method needs an ellipse")
     return _distinct(*poses, cone_kinds(frame), mended)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import circlepose
+from circlepose.diagnostics.explain import explain
 from circlepose.errors import ArgumentError
 from circlepose.io.tables.lossless import plain_result, restored_result
 from circlepose.io.tables.paper_layouts import LAYOUTS, write_results
@@ -83,7 +84,7 @@ def test_what_settled_it_and_by_how_much_is_written(measured_by_all):
 
 def test_explain_says_it_in_words(measured_by_all):
     target, image, _ = measured_by_all
-    text = report_text(circlepose.explain.explain(image, CAMERA, target), "c", "t")
+    text = report_text(explain(image, CAMERA, target), "c", "t")
     word = "vanishing line: normal" if target.kind == "coplanar" else "generatrix: expected 45.21 mm"
     assert word in text
     assert "settled by" in text

@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from circlepose.diagnostics.explain import ExplainedCircle, Explanation, stretches_left_out
+from circlepose.diagnostics.explain import ExplainedCircle, Explanation, segments_left_out
 from circlepose.diagnostics.residuals import LevelResiduals
 from circlepose.io.tables.json_records import image_record
 from circlepose.io.text.escaping import printable
+from circlepose.measurement.rim import EdgeRim, FittedRim
 from circlepose.results import SETTLED_BY_MEANING, Candidate, CircleResult, CovarianceTerms, Flag
 from circlepose.solvers.mirror_view import MirrorView, mirror_view
 from circlepose.uncertainty.systematic import TERMS, shares
@@ -52,7 +53,7 @@ def _circle_rows(circle: ExplainedCircle, *, refine: bool) -> Iterator[tuple[str
     yield "", result.reason
     yield (
         "contour",
-        "none of its own: the rim was found by way of the target, or as a sliver"
+        "none of its own: the rim was sought where another circle of the target predicts it"
         if circle.contour is None
         else circle.contour.kept_because,
     )
@@ -94,13 +95,17 @@ def _view_rows(view: MirrorView | None) -> Iterator[tuple[str, str | None]]:
 
 
 def _edges(circle: ExplainedCircle) -> str:
-    if circle.edges is None:
-        return "none placed along this rim"
     edges = circle.edges
-    return (
-        f"{len(edges.points)} places, {edges.rim_used:.0%} of the rim, {edges.cone.rms_px:.3f} px rms from a cone's "
-        f"rim; semi-axes {float(edges.ellipse.semi_major):.2f} and {float(edges.ellipse.semi_minor):.2f} px, to "
+    axes = (
+        f"semi-axes {float(edges.ellipse.semi_major):.2f} and {float(edges.ellipse.semi_minor):.2f} px, to "
         f"{edges.axis_error_px:.3f} px"
+    )
+    if isinstance(edges, FittedRim):
+        return f"none: its sides are too close, a thin ellipse was fitted to its gray levels; {axes}"
+    source = "located along the predicted rim" if edges.is_located_anew else "of the contour"
+    return (
+        f"{len(edges.points)} {source}, {edges.rim_used:.0%} of the rim, "
+        f"{edges.cone.rms_px:.3f} px rms from a cone's rim; {axes}"
     )
 
 
@@ -125,10 +130,10 @@ def _levels(circle: ExplainedCircle, *, refine: bool) -> str:
         )
     if not refine:
         parts.append("not used: --no-refine")
-    elif Flag.EDGES_ONLY in circle.result.flags:
-        parts.append("not used: they tell nothing better than the edges")
-    elif not levels.converged:
-        parts.append("no fit of the model")
+    elif isinstance(circle.rim, EdgeRim) and circle.rim.level_fit is not None:
+        parts.append(f"not used: {circle.rim.level_fit.reason}")
+    elif not levels.is_used:
+        parts.append("not used: the rim was fitted as a thin ellipse")
     return ", ".join(parts)
 
 
@@ -138,11 +143,11 @@ def _left_out(circle: ExplainedCircle) -> Iterator[str]:
         return
     reasons = _reasons(levels)
     if not any(reasons.values()):
-        yield f"nothing of the {len(levels.pixels)} pixels in the band of {levels.reach_px:.1f} px each way"
+        yield f"nothing of the {len(levels.pixels)} pixels in the band of {levels.half_width_px:.1f} px each way"
         return
     total = len(levels.pixels)
     yield ", ".join(f"{number / total:.1%} {reason}" for reason, number in reasons.items() if number)
-    where = stretches_left_out(circle)
+    where = segments_left_out(circle)
     if where:
         yield f"the rim itself at {', '.join(f'{a:.0f} to {b:.0f} deg' for a, b in where)} from the major axis' end"
 
@@ -275,9 +280,7 @@ def _stages(circle: ExplainedCircle) -> dict[str, Any]:
             "residual_px": contour.residual_px,
             "evidence": contour.evidence,
         },
-        "edges": None
-        if edges is None
-        else {
+        "edges": {
             "places": len(edges.points),
             "rim_used": edges.rim_used,
             "residual_px": edges.cone.rms_px,
@@ -303,10 +306,10 @@ def _levels_record(circle: ExplainedCircle, levels: LevelResiduals) -> dict[str,
         "contrast_levels": levels.contrast_levels,
         "correlation": levels.correlation,
         "rim_used": levels.rim_used,
-        "reach_px": levels.reach_px,
+        "reach_px": levels.half_width_px,
         "pixels": len(levels.pixels),
         "pixels_at_rim_left_out": int(levels.crosses.sum()),
         "pixels_beside_left_out": int(levels.beside.sum()),
         "pixels_clipped": int(levels.clipped.sum()),
-        "stretches_left_out_deg": [list(each) for each in stretches_left_out(circle)],
+        "stretches_left_out_deg": [list(each) for each in segments_left_out(circle)],
     }
