@@ -207,6 +207,6 @@ if __name__ == "__main__":
         if arguments.kills:
             kills(write_images(place / "kills", 40, (320, 240)), arguments.kills, arguments.seed)
         if arguments.cluster:
-            from batch_cluster import cluster_runs
+            from benchmarks.support.cluster_runs import cluster_runs
 
             cluster_runs(write_images(place / "cluster", arguments.cluster, (640, 480)), COMMAND, arguments.cluster)

@@ -10,8 +10,8 @@ import sys
 import time
 
 COMMANDS = {
-    "circlepose --help": [sys.executable, "-m", "circlepose_cli.app", "--help"],
-    "circlepose estimate --help": [sys.executable, "-m", "circlepose_cli.app", "estimate", "--help"],
+    "circlepose --help": [sys.executable, "-m", "circlepose", "--help"],
+    "circlepose estimate --help": [sys.executable, "-m", "circlepose", "estimate", "--help"],
     'python -c "import cv2"': [sys.executable, "-c", "import cv2"],
     'python -c "import circlepose"': [sys.executable, "-c", "import circlepose"],
 }

@@ -20,3 +20,12 @@ def cross(a: FloatArray, b: FloatArray) -> FloatArray:
     product = np.empty(np.broadcast_shapes(a.shape, b.shape))
     product[..., 0], product[..., 1], product[..., 2] = a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0
     return product
+
+
+STUDENT_FREEDOM = 10.0
+"""Degrees of freedom behind the errors that rims are measured with: of Student's t."""
+
+
+def student_log_likelihood(misfit: float, freedom: int) -> float:
+    """Return the logarithm of Student's t of a chi-square `misfit` of `freedom` dimensions, up to a constant."""
+    return float(-0.5 * (STUDENT_FREEDOM + freedom) * np.log1p(misfit / STUDENT_FREEDOM))

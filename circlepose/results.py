@@ -80,7 +80,7 @@ class Flag(StrEnum):
 
 
 FLAG_MEANING: Mapping[Flag, str] = {
-    Flag.AMBIGUOUS: "nothing in the image tells which candidate is right; ambiguity is 0.5",
+    Flag.AMBIGUOUS: "the image does not settle which candidate is right; see ambiguity",
     Flag.LONE_CIRCLE: "only one circle of a ring target was found; its pose is that of a lone circle",
     Flag.RING_MISFIT: "the circles of the target are not seen where its radii, or its generatrix, put them",
     Flag.NOT_FLAT: "the rings are not in one plane but height_mm apart; measure the target as kind: coaxial",

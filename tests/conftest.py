@@ -4,9 +4,9 @@ import os
 import sys
 from pathlib import Path
 
-from circlepose_cli.console.blas_threads import one_thread
+from circlepose_cli.console.process import use_one_thread
 
-one_thread()
+use_one_thread()
 
 ROOT = Path(__file__).resolve().parent.parent
 # At the end, for `tests` and `benchmarks` alone: what is tested is the installed package.

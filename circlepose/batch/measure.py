@@ -34,7 +34,7 @@ IN_FLIGHT_PER_JOB = 32
 DEFAULT_TIMEOUT_S = 120.0
 
 BugReport: TypeAlias = Callable[[str, Exception], None]
-"""is told the name of an image and what was raised there"""
+"""gets the name of an image and the exception that was raised there"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +107,7 @@ def _measure_file(item: WorkItem, options: MeasureOptions) -> ImageResult:
 
 
 def _without_name(error: ImageError, item: WorkItem) -> str:
-    """Return what is wrong with the image; its name is told with every result."""
+    """Return what is wrong with the image; its name is reported with every result."""
     return str(error).removeprefix(f"{item.path}: ").rstrip(".")
 
 
@@ -144,7 +144,7 @@ def measure_files(
         Time for one image, in s; if it takes longer, its status is `timed_out`. None is `DEFAULT_TIMEOUT_S` for
         workers; without workers, time is not limited, so that a number asks for workers.
     on_bug
-        Where given, a bug is told there and becomes the status `internal_error` of its image.
+        Where given, it gets each bug, which becomes the status `internal_error` of its image.
 
     Raises
     ------
@@ -244,7 +244,7 @@ def result_of_timeout(item: WorkItem, timeout_s: float) -> ImageResult:
 
 
 def result_of_bug(item: WorkItem, error: Exception, on_bug: BugReport | None) -> ImageResult:
-    """Return the result of an image at which `error` was raised; raises it if it is misuse, or told to nobody."""
+    """Return the result of an image at which `error` was raised; raises it if it is misuse, or nobody handles it."""
     if on_bug is None or isinstance(error, CircleposeError):
         raise error
     on_bug(item.name, error)

@@ -8,7 +8,7 @@ from enum import StrEnum
 
 from circlepose._typing import FloatArray
 from circlepose.geometry.conic import Ellipse
-from circlepose.targets.target import Polarity
+from circlepose.targets import Polarity
 
 WANTED_SIGN: dict[Polarity, int] = {"any": 0, "dark": 1, "bright": -1}
 """Sign of `Contour.polarity` that each wish admits; 0 admits both."""

@@ -27,7 +27,8 @@ from circlepose.imaging.gray import eight_bit, has_low_range
 from circlepose.imaging.pyramid import pyramid
 from circlepose.imaging.subpixel_edges import RimEdges, edges_along
 from circlepose.photometry.thin.fit import THIN_PX, are_thin
-from circlepose.targets.target import AxisIntervals, Polarity
+from circlepose.targets import Polarity
+from circlepose.targets.target import AxisIntervals
 
 _REACH_PX = 3.5
 _REACH_PER_SCALE = 0.5

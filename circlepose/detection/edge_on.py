@@ -13,7 +13,8 @@ from circlepose.detection.verification import Candidates
 from circlepose.geometry.conic import Ellipse, rim_distance, signed_distance
 from circlepose.imaging.subpixel_edges import sample
 from circlepose.photometry.thin.fit import ThinEllipse, fit_thin_ellipse
-from circlepose.targets.target import AxisIntervals, Polarity
+from circlepose.targets import Polarity
+from circlepose.targets.target import AxisIntervals
 
 _MOST = 12
 """Slivers tried in one image, the longest first."""

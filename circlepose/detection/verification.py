@@ -14,7 +14,8 @@ from circlepose.detection.occluded import PartialRim
 from circlepose.geometry.conic import Ellipse, rim_distance
 from circlepose.imaging.subpixel_edges import RimEdges
 from circlepose.photometry.thin.fit import are_thin
-from circlepose.targets.target import AxisIntervals, Polarity
+from circlepose.targets import Polarity
+from circlepose.targets.target import AxisIntervals
 
 REASONS = tuple(Rejection)
 

@@ -14,7 +14,8 @@ from circlepose.detection.detect import find_contours
 from circlepose.geometry.conic import Ellipse
 from circlepose.imaging.float_levels import without_gaps
 from circlepose.imaging.gray import eight_bit, to_grey
-from circlepose.targets.target import AxisIntervals, Polarity
+from circlepose.targets import Polarity
+from circlepose.targets.target import AxisIntervals
 
 _FAMILY = 2.5
 """Circles of one kind differ by no more than this factor in size, from the typical one."""

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 from circlepose.errors import ArgumentError
+from circlepose.evaluation import CandidateChoice
 from circlepose.evaluation.matching import PoseTable, TabledCircle, TabledPose, pair_circles, with_common_names
 from circlepose.results import Status
 
-CandidateChoice = Literal["chosen", "best"]
 Change = Literal["missing", "extra", "status", "flipped", "moved"]
 CHANGE_MEANING: Mapping[Change, str] = {
     "missing": "in the reference only",

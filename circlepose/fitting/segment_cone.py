@@ -1,8 +1,9 @@
 """A contour on a line: the viewing cone of a circle seen edge-on, a plane sector, which no ellipse fit gives.
 
 Its rays lie in one plane through the camera. Where the contour has a width, however small, an ellipse is fitted with
-that width as the unit across it, which keeps the digits that one unit for both would lose. Where it has none its two
-extreme points are the ends of the sector, as in section III of Chen & Huang (1999). Pure NumPy.
+that width as the unit across it, which keeps the digits that one unit for both would lose: the cone is that of a
+sliver. Where the width is rounding or noise, the two extreme points are the ends of the sector, as in section III of
+Chen & Huang (1999). Pure NumPy.
 """
 
 from __future__ import annotations
@@ -12,13 +13,13 @@ import numpy as np
 from circlepose._typing import FloatArray
 from circlepose.fitting.cone_fit import ConeFit, SeenPoints
 from circlepose.fitting.direct import fit_ellipse
-from circlepose.geometry.conic import Ellipse, rim_distance
+from circlepose.geometry.conic import rim_distance
 
 FLAT_PX = 0.35
 """Half the width up to which a contour may be a segment: what is narrower is taken to be seen edge-on."""
 _FLATTEST = 1e-4
 """Axis ratio below which an ellipse fit loses its digits."""
-_LEAST_WIDTH = 1e-9
+_LEAST_WIDTH = 1e-10
 """The same, below which the width is rounding."""
 _RAGGED = 1e-3
 """rms distance from the ellipse, in semi-minor axes, from which the width is noise and says nothing of the length."""
@@ -50,33 +51,34 @@ def fit_flat_cone(seen: SeenPoints) -> ConeFit | None:
     first, last = rays[int(np.argmin(rays @ along))], rays[int(np.argmax(rays @ along))]
     if float(np.linalg.norm(last - first)) < 1e-12:
         return None
-    factor = _sector(*_ends(rays, across, first, last), across)
-    factor[:, 1] = 0.0
-    return ConeFit(factor, residuals)
+    sector = _sector(first, last, across)
+    sliver = _sliver(rays, sector)
+    if sliver is not None:
+        factor, distance = sliver
+        return ConeFit(factor, distance / np.maximum(px, 1e-300))
+    sector[:, 1] = 0.0
+    return ConeFit(sector, residuals)
 
 
-def _ends(rays: FloatArray, across: FloatArray, first: FloatArray, last: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the rays of both ends: those of the ellipse that the contour is, if it has a width, or its extremes."""
-    factor = _sector(first, last, across)
-    local = rays @ np.linalg.inv(factor).T
+def _sliver(rays: FloatArray, sector: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+    """Return the factor (3, 3) of the sliver that a contour with a width is, and its distances (n,) from it, in rad.
+
+    None where the width is rounding, or noise.
+    """
+    local = rays @ np.linalg.inv(sector).T
     plane = local[:, :2] / local[:, 2:]
     width = float(np.abs(plane[:, 1]).max())
-    s = float(np.linalg.norm(factor[:, 0]) / np.linalg.norm(factor[:, 2]))
-    if width < _LEAST_WIDTH * s:
-        return first, last
+    if width < _LEAST_WIDTH * float(np.linalg.norm(sector[:, 0]) / np.linalg.norm(sector[:, 2])):
+        return None
     plane = plane / [1.0, width]
     ellipse = fit_ellipse(plane)
-    if ellipse is None or float(np.sqrt(np.mean(rim_distance(ellipse[None], plane[None])[0] ** 2))) > _RAGGED:
-        return first, last
-    return _extremes(factor, ellipse)
-
-
-def _extremes(factor: FloatArray, ellipse: Ellipse) -> tuple[FloatArray, FloatArray]:
-    """Return the rays at the ends of `ellipse`, given in units of `factor`, along its first axis."""
-    cos, sin = float(np.cos(ellipse.angle)), float(np.sin(ellipse.angle))
-    reach = float(np.hypot(float(ellipse.semi_major) * cos, float(ellipse.semi_minor) * sin))
-    ends = [factor[:, 2] + (float(ellipse.center[0]) + side * reach) * factor[:, 0] for side in (-1.0, 1.0)]
-    return ends[0] / np.linalg.norm(ends[0]), ends[1] / np.linalg.norm(ends[1])
+    if ellipse is None:
+        return None
+    distance = rim_distance(ellipse[None], plane[None])[0]
+    if float(np.sqrt(np.mean(distance**2))) > _RAGGED:
+        return None
+    # Errors along the sliver hardly show, so the distances are those across it.
+    return sector @ np.diag([1.0, width, 1.0]) @ ellipse.factor, width * distance
 
 
 def _sector(first: FloatArray, last: FloatArray, across: FloatArray) -> FloatArray:

@@ -30,7 +30,7 @@ _unfinished: set[Path] = set()
 
 
 def is_replaceable_file(path: str | os.PathLike[str]) -> bool:
-    """Tell whether what `path` leads to is a regular file, or nothing yet: not a device, a pipe or a folder."""
+    """Return whether what `path` leads to is a regular file, or nothing yet: not a device, a pipe or a folder."""
     try:
         return stat.S_ISREG(os.stat(path).st_mode)  # noqa: PTH116 - a path need not be a Path
     except OSError:

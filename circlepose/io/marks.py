@@ -31,7 +31,7 @@ _RENDERED = b"circlepose render"
 
 
 def bears_mark(path: Path) -> bool:
-    """Tell whether the file at `path` is one of ours; raises `OSError` where it cannot be read."""
+    """Return whether the file at `path` is one of ours; raises `OSError` where it cannot be read."""
     with path.open("rb") as handle:
         head = handle.read(HEAD_BYTES)
         if head.startswith((b"PAR1", b"%PDF")):
@@ -42,7 +42,7 @@ def bears_mark(path: Path) -> bool:
 
 
 def is_marked(head: bytes) -> bool:
-    """Tell whether a file that begins with `head` is one of ours."""
+    """Return whether a file that begins with `head` is one of ours."""
     if head.startswith(b"\x1f\x8b"):
         with suppress(zlib.error):
             head = zlib.decompressobj(31).decompress(head, HEAD_BYTES)
@@ -58,12 +58,12 @@ def is_marked(head: bytes) -> bool:
 
 
 def is_drawn(head: bytes) -> bool:
-    """Tell whether an image file that begins with `head` is a picture that was drawn over a photograph."""
+    """Return whether an image file that begins with `head` is a picture that was drawn over a photograph."""
     return _picture_mark(head) == _DRAWN
 
 
 def is_drawn_file(path: str) -> bool:
-    """Tell whether the file at `path` is a picture that was drawn over a photograph; False if it cannot be read."""
+    """Return whether the file at `path` is a picture that was drawn over a photograph; False if it cannot be read."""
     if not path.lower().endswith((".png", ".jpg", ".jpeg")):
         return False
     try:

@@ -18,8 +18,9 @@ from circlepose.io.marks import COMMENT
 from circlepose.io.text.source import Source, read_source
 from circlepose.io.text.validation import Strict, parse
 from circlepose.io.text.yaml import parse_yaml
-from circlepose.targets.hints import NORMAL_SPREAD_DEG, SIDES, UP_SPREAD_DEG, Direction, DirectionHint, Side
-from circlepose.targets.target import KINDS, POLARITIES, AxisIntervals, Kind, Polarity, Target
+from circlepose.targets import KINDS, POLARITIES, SIDES, Direction, Kind, Polarity, Side
+from circlepose.targets.hints import NORMAL_SPREAD_DEG, UP_SPREAD_DEG, DirectionHint
+from circlepose.targets.target import AxisIntervals, Target
 
 _Triple = Annotated[list[float], Field(min_length=3, max_length=3)]
 _DIRECTION = "a direction [x, y, z] in the camera frame (x right, y down, z forward)"

@@ -75,8 +75,9 @@ class MeasurementOptions:
     """standard deviation of the inequality of a shared blur; empirical"""
     least_blur_inequality: float = 0.1
     """inequality of the blur by direction, below which it cannot be distinguished from texture; empirical"""
-    least_refit_px: float = 3.0
-    """px; semi-minor axis from which a thin rim is fitted again with levels on both sides; empirical"""
+    least_refit_px: float = 4.0
+    """px; semi-minor axis from which a thin rim is fitted again with levels on both sides; rendered slivers: from
+    3 px on, lengths are often off by more than three sigmas"""
     small_px: float = 20.0
     """px; semi-minor axis below which unequal blur looks like a tilt; empirical"""
 

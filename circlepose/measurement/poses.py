@@ -152,7 +152,8 @@ def _settled_factors(rims: Sequence[Rim], frames: PrincipalFrame, options: Measu
     per_px = s / np.array([float(rim.ellipse.semi_major) for rim in rims])
     error = options.settle_sigmas * np.array([rim.axis_error_px for rim in rims]) * per_px
     is_right = s - t < error
-    is_flat = ~is_right & (t < np.maximum(error, options.segment_px * per_px))
+    least_px = np.array([0.0 if isinstance(rim, EdgeRim) and rim.is_given else options.segment_px for rim in rims])
+    is_flat = ~is_right & (t < np.maximum(error, least_px * per_px))
     mean = np.sqrt(s * t)
     axes = np.stack([np.where(is_right, mean, s), np.where(is_right, mean, 0.0), np.ones_like(s)], axis=-1)
     return np.where((is_right | is_flat)[:, None, None], frames.rotation * axes[:, None, :], factors)

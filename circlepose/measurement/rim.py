@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -12,6 +12,8 @@ from circlepose.detection.contour import Contour
 from circlepose.fitting.arc_precision import axis_errors
 from circlepose.fitting.cone_fit import ConeFit
 from circlepose.fitting.cone_projection import image_ellipses
+from circlepose.geometry.cone import principal_frame
+from circlepose.geometry.cone_perturbation import MODES
 from circlepose.geometry.conic import Ellipse
 from circlepose.measurement.options import DEFAULT, MeasurementOptions
 from circlepose.results import Failure, Status
@@ -48,6 +50,8 @@ class EdgeRim(_MeasuredRim):
 
     is_located_anew: bool = field(default=False, kw_only=True)
     """whether the edges were located along the predicted rim; else they are the contour's own"""
+    is_given: bool = field(default=False, kw_only=True)
+    """whether a caller gave the points; else they were found in an image"""
     level_fit: Failure | None = field(default=None, kw_only=True)
     """why the fit to the gray levels was rejected; None where there was no such fit"""
 
@@ -89,17 +93,28 @@ def rim_from_fit(
 def segment_from_fit(
     camera: Camera, fit: ConeFit, points: FloatArray, *, options: MeasurementOptions = DEFAULT
 ) -> EdgeRim:
-    """Return the rim of a flat cone fitted to `points` (n, 2): a segment, straight between its ends in the image."""
-    ends = camera.project(fit.factor[:, 2] + np.array([[-1.0], [1.0]]) * fit.factor[:, 0])
-    half = (ends[1] - ends[0]) / 2.0
-    ellipse = Ellipse.from_axes(ends.mean(axis=0), [np.hypot(*half), 0.0], np.arctan2(half[1], half[0]))
+    """Return the rim of a flat cone fitted to `points` (n, 2): a segment or sliver, straight in the image."""
+    frame = principal_frame(fit.factor)
+    u, v, w = frame.rotation.T
+    sides = np.array([[-1.0], [1.0]])
+    ends = camera.project(w + sides * frame.tan_half_major * u)
+    half = np.diff(ends, axis=0)[0] / 2.0
+    across = np.diff(camera.project(w + sides * frame.tan_half_minor * v), axis=0)[0]
+    axes = [np.hypot(*half), np.hypot(*across) / 2.0]
+    ellipse = Ellipse.from_axes(ends.mean(axis=0), axes, np.arctan2(half[1], half[0]))
     return EdgeRim(fit, points, ellipse, 1.0, 1, axis_error_px(fit, len(points), options))
+
+
+def as_given(rim: EdgeRim) -> EdgeRim:
+    """Return the rim of points that a caller gave: their scatter alone shows how exact they are."""
+    number = len(rim.points)
+    error = rim.cone.rms_px * np.sqrt(number / max(number - MODES, 1)) / np.sqrt(number / 4.0)
+    return replace(rim, axis_error_px=float(error), is_given=True)
 
 
 def determines_length(rim: EdgeRim, *, options: MeasurementOptions = DEFAULT) -> bool:
     """Whether the points of a rim, by their scatter about it, determine its semi-major axis."""
-    scatter = max(rim.cone.rms_px, options.least_edge_noise_px)
-    error = float(axis_errors(rim.ellipse, rim.points, scatter)[0])
+    error = float(axis_errors(rim.ellipse, rim.points, rim.cone.rms_px)[0])
     return error < options.worst_length_share * float(rim.ellipse.semi_major)
 
 

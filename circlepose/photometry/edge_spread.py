@@ -5,7 +5,7 @@ Two ways, which agree where the rim is nearly straight on the scale of the blur:
 - `straight`: Phi(-(d + tau^2 kappa/2)/sigma), d the distance to the rim, kappa its curvature, sigma and tau the blur
   across and along it; an error of order (sigma kappa)^2.
 - `curved`: along lines across the rim, spread like the blur, the stretch inside is exact; in the sum over them only
-  the lens is taken as linear, over a few px. For tips and small discs.
+  the lens is taken as linear, over a few px. For elongated and small discs; at sharp tips as `blurred_tip` has it.
 
 The blur need not be the same in all directions (demosaicking, sharpening along rows, motion): with theta the
 direction across the rim in the image its variance is sigma^2 (1 + alpha cos 2 theta + beta sin 2 theta), its
@@ -21,22 +21,21 @@ import numpy as np
 
 from circlepose._typing import FloatArray, RealArray
 from circlepose.geometry.cone_perturbation import MODES
+from circlepose.photometry.gaussian import ROOT_TWO_PI, normal_share
 from circlepose.photometry.pixel_band import Bands
+from circlepose.photometry.tips import Blurred, near_tips, tip_sums
 
 _TIGHTEST = 0.3
 """Least 1 - kappa d: a pixel nearer to the centre of curvature has no foot point to speak of."""
 BLUR = 3
 SHAPES = 5
 _MOST_BEND = 0.7
-_ROOT_TWO_PI = float(np.sqrt(2.0 * np.pi))
-_TAIL_SCALE = 0.2316419
-_TAIL = (1.330274429, -1.821255978, 1.781477937, -0.356563782, 0.319381530)
 _SUMS = 3 + MODES
 """The share, its derivatives to the logarithms of both widths, and to the modes."""
 _FAR_SIGMAS = 5.0
 _FEW = 0.5
 _LINES, _LINE_WEIGHTS = np.polynomial.hermite_e.hermegauss(5)
-_LINE_WEIGHTS = _LINE_WEIGHTS / _ROOT_TWO_PI
+_LINE_WEIGHTS = _LINE_WEIGHTS / ROOT_TWO_PI
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -152,6 +151,7 @@ def curved(at: Places, blur: FloatArray) -> Share:
     widths = _widths(at, blur)
     shape, kind = at.distance_px.shape, at.distance_px.dtype
     sums = np.zeros((_SUMS, *shape), kind)
+    flat_sums = sums.reshape(_SUMS, -1)
     p0, p1 = at.plane
     per_radius = 1.0 / np.maximum(at.radius, 1e-9)
     u0, u1 = p0 * per_radius, p1 * per_radius
@@ -161,7 +161,11 @@ def curved(at: Places, blur: FloatArray) -> Share:
     flat = [each.ravel() for each in (p0, p1, v0, v1, t0, t1, v0 * v0 + v1 * v1, widths.across, widths.along)]
     for line, weight in zip(_LINES.tolist(), _LINE_WEIGHTS.tolist(), strict=True):
         for sign in (1.0, -1.0):
-            _add_end(sums.reshape(_SUMS, -1), flat, line, weight, sign)
+            _add_end(flat_sums, flat, line, weight, sign)
+    pixels = Blurred((flat[0], flat[1]), (flat[2], flat[3]), (flat[4], flat[5]), flat[7], flat[8])
+    tips = near_tips(pixels)
+    if len(tips):
+        flat_sums[:, tips] = tip_sums(pixels.rows(tips))
     by_parameters = np.empty((shape[0], MODES + BLUR, shape[1]), kind)
     by_parameters[:, :MODES] = np.moveaxis(sums[3:], 0, 1)
     share, by_across, by_along = sums[:3]
@@ -215,22 +219,6 @@ def harmonics(p: RealArray) -> RealArray:
     np.subtract(p0 * p0, p1 * p1, out=shapes[..., 3, :])
     np.multiply(2.0 * p0, p1, out=shapes[..., 4, :])
     return shapes
-
-
-def normal_share(z: RealArray) -> tuple[RealArray, RealArray]:
-    """Return the density of the normal distribution and its share below z, to 1e-7.
-
-    That is as good as float32 holds, and three times faster than `scipy.special.ndtr` (Abramowitz & Stegun 26.2.17).
-    """
-    density = np.exp(-0.5 * z * z)
-    density *= 1.0 / _ROOT_TWO_PI
-    t = 1.0 / (1.0 + _TAIL_SCALE * np.abs(z))
-    tail = t * _TAIL[0]
-    for coefficient in _TAIL[1:]:
-        tail += coefficient
-        tail *= t
-    tail *= density
-    return density, 0.5 + np.copysign(0.5 - tail, z)
 
 
 def _widths(at: Places, blur: FloatArray) -> Widths:

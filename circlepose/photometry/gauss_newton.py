@@ -120,7 +120,7 @@ def descend(
         inverse = np.linalg.inv(damped)
         step = -(inverse @ gradient[..., None])[..., 0]
         gain = -np.sum(step * gradient, axis=1)
-        variance = cost / counted + QUANTIZATION
+        variance = np.maximum(cost, 0.0) / counted + QUANTIZATION
         running &= (gain > _CONVERGED * variance) & (damping < _MOST_DAMPING)
         last = running & (_second_order(step, inverse, variance) < short)
         if last.any():

@@ -20,7 +20,8 @@ from typing import Protocol, Self
 import numpy as np
 
 from circlepose._typing import FloatArray, RealArray
-from circlepose.photometry.edge_spread import SHAPES, Places, Share, normal_share
+from circlepose.photometry.edge_spread import SHAPES, Places, Share
+from circlepose.photometry.gaussian import normal_share
 from circlepose.photometry.pixel_band import Bands
 
 LINEAR = 11

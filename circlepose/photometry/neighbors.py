@@ -8,7 +8,7 @@ import numpy as np
 
 from circlepose._typing import BoolArray, FloatArray, IntArray
 from circlepose.geometry.conic import Ellipse, rim_distance
-from circlepose.photometry.edge_spread import normal_share
+from circlepose.photometry.gaussian import normal_share
 
 _REACH_SIGMA = 3.5
 _AT_ONCE = 64

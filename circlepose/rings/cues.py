@@ -79,6 +79,8 @@ class VanishingCheck:
     pose: VanishingPose
     chi_squares: tuple[float, ...]
     """of the candidates' normals"""
+    nearest: FloatArray
+    """(3,) the candidate's normal with the least chi-square"""
     chance_of_second: float
     """probability that the second candidate is right, by the vanishing line of a flat target alone"""
 
@@ -104,7 +106,7 @@ def vanishing_check(poses: TargetPoses, flatness_mm: float) -> VanishingCheck | 
     if len(normals) == 2:
         sigma = float(np.sqrt(np.mean([np.trace(tilts) / 2.0 for tilts in poses.tilts])))
         chance = float(logistic(-log_odds(normals, sigma, pose.normal, pose.covariance[3:, 3:])))
-    return VanishingCheck(pose, chi_squares, chance)
+    return VanishingCheck(pose, chi_squares, normals[int(np.argmin(chi_squares))], chance)
 
 
 def vanishing_pose(rims: Sequence[RimEvidence], flatness_mm: float, excess: float = 1.0) -> VanishingPose | None:
@@ -200,13 +202,14 @@ def partner_of(result: CircleResult, results: Sequence[CircleResult]) -> CircleR
     return next(other for other in results if other.method == result.method and other.circle != result.circle)
 
 
-def chance_by_generatrix(
+def odds_by_generatrix(
     result: CircleResult, partner: CircleResult, rims: Sequence[RimEvidence] | None, target: Target
 ) -> tuple[float, float] | None:
     """Return what the generatrices alone say of the two candidates of a coaxial circle, each with its pair.
 
-    They are the chi-square of the first candidate's pair, and the probability that the second is right. Both circles'
-    candidates are those of their own rims. None where there is nothing to choose, or a covariance is not known.
+    They are the chi-square of the first candidate's pair, and the log odds of the second over the first. Both
+    circles' candidates are those of their own rims. None where there is nothing to choose, or a covariance is not
+    known.
     """
     if len(result.candidates) < 2 or not partner.candidates:
         return None
@@ -217,15 +220,15 @@ def chance_by_generatrix(
     ]
     if len(misfits) < len(result.candidates):
         return None
-    return misfits[0][0], float(logistic(misfits[1][1] - misfits[0][1]))
+    return misfits[0][0], misfits[1][1] - misfits[0][1]
 
 
 def is_settled_by_generatrix(
     result: CircleResult, partner: CircleResult, rims: Sequence[RimEvidence] | None, target: Target
 ) -> bool:
-    """Tell whether the generatrices alone settle that the first candidate is right; see `chance_by_generatrix`."""
-    said = chance_by_generatrix(result, partner, rims, target)
-    return said is not None and said[0] <= CONTRADICTED and said[1] < CONFIDENT
+    """Tell whether the generatrices alone settle that the first candidate is right; see `odds_by_generatrix`."""
+    said = odds_by_generatrix(result, partner, rims, target)
+    return said is not None and said[0] <= CONTRADICTED and float(logistic(said[1])) < CONFIDENT
 
 
 class _Pair(NamedTuple):

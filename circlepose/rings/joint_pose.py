@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from circlepose._numerics import logistic
+from circlepose._numerics import STUDENT_FREEDOM, logistic, student_log_likelihood
 from circlepose._typing import FloatArray
 from circlepose.geometry.cone import plane_basis
 from circlepose.geometry.cone_perturbation import MODES, mode_shapes, pose_amounts, pose_derivatives
@@ -28,8 +28,6 @@ PLACE_SHARE = 1e-4
 """Standard deviation of another circle's centre, in each direction, in radii of the largest."""
 INDEPENDENT_EDGES = 12.0
 """The errors of edges go together along a rim: so many of them at most are worth as much as all."""
-_FREEDOM = 10.0
-"""Degrees of freedom behind the errors that rims are measured with: of Student's t."""
 _STEPS = 40
 _WORTH = 1e-3
 """After a step that would lower chi-square by less there is nothing to gain."""
@@ -95,7 +93,7 @@ class JointPose:
     @property
     def excess(self) -> float:
         """By how much the misfit makes variances larger than told, at least 1."""
-        return max(1.0, (_FREEDOM + self.misfit) / (_FREEDOM + self.freedom))
+        return max(1.0, (STUDENT_FREEDOM + self.misfit) / (STUDENT_FREEDOM + self.freedom))
 
     def covariance_of(self, number: int) -> FloatArray:
         """Return the covariance (5, 5) of a circle's centre and two tilts, basis `cone.plane_basis(normal)`."""
@@ -111,8 +109,7 @@ class JointPose:
     def log_weight(self) -> float:
         """Logarithm of the probability of all poses around this one, up to a constant."""
         told = self.covariance[:5, :5] if self.covariance[5, 5] == 0.0 else self.covariance
-        likelihood = -0.5 * (_FREEDOM + self.freedom) * np.log1p(self.misfit / _FREEDOM)
-        return float(likelihood + 0.5 * np.linalg.slogdet(told)[1])
+        return float(student_log_likelihood(self.misfit, self.freedom) + 0.5 * np.linalg.slogdet(told)[1])
 
 
 def from_levels(factor: FloatArray, radius: float, modes_covariance: FloatArray) -> RimEvidence:

@@ -1,12 +1,16 @@
 """From a viewing cone or a contour to the candidate poses. A solver returns all solutions and ranks none."""
 
+from typing import Literal, get_args
+
 from circlepose.errors import ArgumentError
 
-CIRCLE_METHODS = ("chen-huang", "chen-huang-contour", "kanatani-liu", "kabuka-arenas")
+CircleMethod = Literal["chen-huang", "chen-huang-contour", "kanatani-liu", "kabuka-arenas"]
+Method = Literal[CircleMethod, "fu-zhou"]
+CIRCLE_METHODS: tuple[CircleMethod, ...] = get_args(CircleMethod)
 """Names of the methods for a single circle."""
 FU_ZHOU = "fu-zhou"
 """Name of the method for two circles of a ring target; see `ring_fu_zhou`."""
-METHODS = (*CIRCLE_METHODS, FU_ZHOU)
+METHODS: tuple[Method, ...] = get_args(Method)
 """Names of the methods, as on the command line and in the table's `method` column."""
 
 

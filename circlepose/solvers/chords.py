@@ -33,7 +33,7 @@ _DEGREE = 3
 _WINDOW_LEAST = 2
 _GAP = 6.0
 """Gaps in the contour this many times the usual spacing are hidden arcs, not sampling."""
-_FLATTEST = 1e-9
+_FLATTEST = 1e-10
 """Width of a contour, as a share of its length, that is rounding."""
 _THIN, _CORNER = 0.02, 0.005
 """Axis ratio of a contour that may be a segment, and how far its ends then stand beyond p and q, as a share."""
@@ -67,6 +67,10 @@ class Chords:
 
 def chords_from_contour(rays: FloatArray, sub_pixel: bool = True) -> Chords | str:
     """Find the two chords on a closed contour of unit `rays` (n, 3), in order along the contour.
+
+    A contour narrower than 1e-10 of its length is a segment between two of its points, p and q. Of the exact contour
+    of a circle with n points, nearly edge-on, these are within pi/n rad of the rim's ends: the distance that follows
+    is wrong by up to 1 - cos(pi/n) of it. Above that width the error is rounding, 1e-15 over the width's share.
 
     Without `sub_pixel` the four are contour points (p, q) and linear crossings (b, c), as printed in the paper.
     Returns a reason instead where there are none: fewer than 3 rays, all equal, or a hidden arc at one of them.

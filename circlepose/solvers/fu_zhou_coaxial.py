@@ -22,7 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from circlepose._numerics import cross
+from circlepose._numerics import cross, student_log_likelihood
 from circlepose._typing import FloatArray, IntArray
 from circlepose.errors import ArgumentError
 from circlepose.geometry.cone import plane_basis
@@ -129,14 +129,15 @@ def pair_misfit(
     """Return the chi-square of the generatrices at both ends (2,) of a pair, and the pair's log likelihood.
 
     Both ends are `expected`, which is known to `expected_sigma`; where it is None, both are of one length.
-    `covariance` (2, 2) is that of `ends`.
+    `covariance` (2, 2) is that of `ends`. The likelihood is Student's t, as of a joint fit: errors may be larger than
+    their covariance says.
     """
     if expected is None:
         away, spread = np.array([ends[0] - ends[1]]), np.array([[_DIFFER @ covariance @ _DIFFER]])
     else:
         away, spread = ends - expected, covariance + expected_sigma**2
     squared = float(away @ np.linalg.solve(spread, away))
-    return squared, -0.5 * squared - 0.5 * float(np.linalg.slogdet(spread)[1])
+    return squared, student_log_likelihood(squared, len(away)) - 0.5 * float(np.linalg.slogdet(spread)[1])
 
 
 def height_from_generatrix(

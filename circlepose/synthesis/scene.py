@@ -17,7 +17,7 @@ from circlepose._typing import FloatArray
 from circlepose.camera.camera import Camera
 from circlepose.errors import SceneError
 from circlepose.synthesis.surfaces import Box, Paint, Patch, Plane, Polygon, Round, Shape, Texture, check, placed
-from circlepose.targets.target import Kind
+from circlepose.targets import Kind
 
 __all__ = [
     "Box",

@@ -1,1 +1,18 @@
 """What is looked for: circles and ring targets, and what is known of them beforehand."""
+
+from typing import Literal, TypeAlias, get_args
+
+Kind = Literal["circle", "coplanar", "coaxial"]
+Polarity = Literal["any", "dark", "bright"]
+KINDS: tuple[Kind, ...] = get_args(Kind)
+POLARITIES: tuple[Polarity, ...] = get_args(Polarity)
+
+Direction: TypeAlias = tuple[float, float, float]
+Side = Literal["left", "right", "up", "down"]
+SIDES: dict[Side, Direction] = {
+    "left": (-1.0, 0.0, 0.0),
+    "right": (1.0, 0.0, 0.0),
+    "up": (0.0, -1.0, 0.0),
+    "down": (0.0, 1.0, 0.0),
+}
+"""Unit vectors (3,) in the camera frame."""

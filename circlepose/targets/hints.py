@@ -7,19 +7,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
 
 from circlepose import _arguments
 from circlepose.errors import TargetError
+from circlepose.targets import SIDES, Direction, Side
 
-Direction: TypeAlias = tuple[float, float, float]
-Side = Literal["left", "right", "up", "down"]
-SIDES: dict[Side, Direction] = {
-    "left": (-1.0, 0.0, 0.0),
-    "right": (1.0, 0.0, 0.0),
-    "up": (0.0, -1.0, 0.0),
-    "down": (0.0, 1.0, 0.0),
-}
 NORMAL_SPREAD_DEG = 20.0
 UP_SPREAD_DEG = 10.0
 _LENGTHS = (1e-9, 1e9)

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 from circlepose import _arguments
 from circlepose.errors import TargetError
-from circlepose.targets.hints import Direction, DirectionHint, Side, check_hints
+from circlepose.targets import KINDS, POLARITIES, Direction, Kind, Polarity, Side
+from circlepose.targets.hints import DirectionHint, check_hints
 
 FLATNESS_SHARE = 2e-3
 """Default of `flatness_sigma_mm`, as a share of the largest radius: 0.1 mm for 50 mm. Paper on a foam board that bows
 by 1 mm over 300 mm has its circles of radii 50 and 30 mm 0.07 mm apart in height."""
 
-Kind = Literal["circle", "coplanar", "coaxial"]
-Polarity = Literal["any", "dark", "bright"]
-KINDS: tuple[Kind, ...] = ("circle", "coplanar", "coaxial")
-POLARITIES: tuple[Polarity, ...] = ("any", "dark", "bright")
 MAX_RADII = 16
 """Rings of a target. Each is looked for at each place where one may be and fitted with all others, so that the time
 grows faster than the square of their number (16 take some seconds, 50 a minute). Printed targets have 2 to 8."""

@@ -26,7 +26,7 @@ from circlepose_cli.commands.inspect import inspect
 from circlepose_cli.commands.render import render
 from circlepose_cli.commands.statuses import statuses
 from circlepose_cli.commands.study import study
-from circlepose_cli.console import debugging
+from circlepose_cli.console import process
 from circlepose_cli.console.installation import broken_package
 from circlepose_cli.console.streams import standard_streams
 
@@ -75,7 +75,7 @@ def _options(
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the command line `args` (default: those of the process) and return the exit code."""
-    debugging.show_tracebacks(bool(os.environ.get("CIRCLEPOSE_DEBUG")))
+    process.show_tracebacks(bool(os.environ.get("CIRCLEPOSE_DEBUG")))
     with standard_streams():
         try:
             try:
@@ -101,7 +101,7 @@ def main(args: Sequence[str] | None = None) -> int:
 
 
 def _report(message: str) -> None:
-    if debugging.tracebacks_shown():
+    if process.tracebacks_shown():
         traceback.print_exc()
     # A line end in a name must not begin a line that looks like one of ours.
     lines = [printable(line) for line in redacted(message).split("\n")]

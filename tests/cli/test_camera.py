@@ -143,3 +143,26 @@ def test_a_target_that_is_none_ends_with_2(capsys, tmp_path):
     code, shown = described(capsys, tmp_path, "radius: 60\n")
     assert code == 2
     assert "target.yaml" in shown.err
+
+
+def test_the_target_of_the_calibration_is_described_where_none_is_given(capsys, tmp_path):
+    path = tmp_path / "camera.yaml"
+    block = "target:\n" + "".join(f"  {line}\n" for line in (RECESS + "depth_range_mm: [714, 800]").splitlines())
+    path.write_text(CAMERA_YAML + block)
+    assert main(["camera", str(path)]) == 0
+    shown = capsys.readouterr().out
+    assert "recess 1 mm deep" in shown
+    (tmp_path / "target.yaml").write_text("radius_mm: 60\n")
+    assert main(["camera", str(path), "--target", str(tmp_path / "target.yaml")]) == 0
+    shown = capsys.readouterr().out
+    assert "60 mm" in shown
+    assert "recess" not in shown
+
+
+def test_a_target_of_the_calibration_that_is_none_ends_with_2(capsys, tmp_path):
+    path = tmp_path / "camera.yaml"
+    path.write_text(CAMERA_YAML + "target: {radius: 60}\n")
+    assert main(["camera", str(path)]) == 2
+    err = capsys.readouterr().err
+    assert f"{path}: target: radius" in err
+    assert "Traceback" not in err

@@ -3,20 +3,18 @@ from __future__ import annotations
 import csv
 import io
 import json
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
 from circlepose.batch import measure
-from circlepose.errors import OutputError, UsageError
+from circlepose.errors import OutputError
 from circlepose.io.inputs.images import InputImage
 from circlepose.results import ImageResult, Status
-from circlepose.solvers import CIRCLE_METHODS, METHODS
-from circlepose.targets.hints import SIDES
-from circlepose.targets.target import POLARITIES
+from circlepose.solvers import CIRCLE_METHODS
 from circlepose_cli.app import main
-from circlepose_cli.options import declared, parse
 from circlepose_cli.output.overlay_names import OverlayNames
 from tests.support.discs import CAMERA_YAML, CENTER_MM, RADIUS_MM, disc_folder, found_notes, write_disc
 from tests.support.processes import SETTLE
@@ -418,7 +416,7 @@ def test_overlays_do_not_go_among_the_images(run, folder):
 
 
 def named(*names):
-    return [InputImage(path=declared.Path("/elsewhere") / name.lstrip("/"), name=name) for name in names]
+    return [InputImage(path=Path("/elsewhere") / name.lstrip("/"), name=name) for name in names]
 
 
 def overlay_names(folder, *names):
@@ -457,24 +455,6 @@ def test_an_overlay_folder_that_cannot_be_made(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match="--overlay"):
         OverlayNames(tmp_path / "file", ())
-
-
-def test_choices_are_those_of_the_library():
-    assert [choice.value for choice in declared.MethodChoice] == [*METHODS, "all"]
-    assert [choice.value for choice in declared.PolarityChoice] == list(POLARITIES)
-
-
-def test_sides_are_those_of_the_library():
-    assert set(declared.SideChoice) == set(SIDES)
-
-
-def test_counts_and_intervals():
-    assert [parse.parse_count(text) for text in (None, "all", "7")] == [None, "all", 7]
-    assert parse.parse_interval("--x", "1:2.5") == (1.0, 2.5)
-    assert parse.parse_interval("--x", None) is None
-    for text in ("", "1", "1:2:3", "2:1", "-1:2", "1:inf", "1:nan"):
-        with pytest.raises(UsageError, match="--x"):
-            parse.parse_interval("--x", text)
 
 
 def test_a_radius_is_no_diameter(run, folder):

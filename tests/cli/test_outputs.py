@@ -331,7 +331,7 @@ def test_an_interrupted_run_leaves_the_complete_table_in_its_place(run, folder, 
 
 FROM_THE_FIRST_LINE = """
 import sys
-from circlepose_cli import interruption
+from circlepose_cli.console import interruption
 interruption.handle_signals()
 print("begun", file=sys.stderr, flush=True)
 from circlepose_cli.entry import main

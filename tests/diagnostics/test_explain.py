@@ -29,7 +29,8 @@ from circlepose.synthesis.render import render
 from circlepose.synthesis.scene import Paint, Rings, Scene
 from circlepose.targets.target import Target
 from circlepose_cli.app import main
-from circlepose_cli.reports.explain import report_record, report_text
+from circlepose_cli.reports.explain.record import report_record
+from circlepose_cli.reports.explain.text import report_text
 from tests.support.discs import CAMERA, CENTER_MM, NORMAL, RADIUS_MM, disc_folder, disc_image, found_notes
 from tests.support.drawn import drawn_by_opencv_5
 

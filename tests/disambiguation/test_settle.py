@@ -13,7 +13,8 @@ from circlepose.geometry.cone import plane_basis
 from circlepose.results import Flag
 from circlepose.synthesis.render import render
 from circlepose.synthesis.scene import Disc, Paint, Scene
-from circlepose.targets.hints import SIDES, DirectionHint
+from circlepose.targets import SIDES
+from circlepose.targets.hints import DirectionHint
 from circlepose.targets.target import Target
 from tests.support.discs import CAMERA, NORMAL, RADIUS_MM, made_circle
 

@@ -8,10 +8,14 @@ from pathlib import Path
 import pytest
 import typer.main
 
+from circlepose.detection import EXTRACTIONS
+from circlepose.io.tables import LAYOUTS
 from circlepose.io.tables.columns import COLUMN_MEANING
 from circlepose.results import FLAG_MEANING, STATUS_MEANING
+from circlepose.solvers import METHODS
+from circlepose.targets import POLARITIES
 from circlepose_cli.app import app, main
-from circlepose_cli.options.declared import FormatChoice, LayoutChoice, MethodChoice, PolarityChoice, ReportFormat
+from circlepose_cli.options.declared import FormatChoice, ReportFormat
 
 COMMANDS = typer.main.get_command(app).commands
 
@@ -44,10 +48,10 @@ def test_every_command_and_option_is_in_the_manual(manual, name):
                 assert f"`{option}" in text, option
 
 
-@pytest.mark.parametrize("choices", [MethodChoice, PolarityChoice, FormatChoice, LayoutChoice, ReportFormat])
+@pytest.mark.parametrize("choices", [(*METHODS, "all"), POLARITIES, EXTRACTIONS, FormatChoice, LAYOUTS, ReportFormat])
 def test_every_choice_is_in_the_manual(manual, choices):
     for choice in choices:
-        assert re.search(rf"`(--[a-z]+ )?{choice.value}`", manual), choice
+        assert re.search(rf"`(--[a-z]+ )?{choice}`", manual), choice
 
 
 def test_every_column_is_in_the_manual(manual):

@@ -122,6 +122,46 @@ def test_contours_of_circles_within_the_width_of_rounding_of_edge_on(off_rad, az
     assert error(result, truth).normal_deg < 1.1 * np.degrees(off_rad) + 1e-6
 
 
+EXACT = ["chen-huang", "chen-huang-contour", "kanatani-liu"]
+
+
+@given(st.floats(-9.0, -1.0), st.floats(0.0, 360.0), st.sampled_from([16, 33, 200]), st.sampled_from(EXACT))
+def test_an_exact_contour_close_to_edge_on_is_no_segment(exponent, lean, number, method):
+    """However narrow it is: nothing but its scatter says how exact a contour is."""
+    width = 10.0**exponent
+    case = circle_case(45.0, 700.0, 5.0, 30.0, 90.0 - np.degrees(width), lean)
+    camera = Camera.create(CAMERA.camera_matrix)
+    pixels = circle_contour(camera, case.center, case.normal, case.radius, number)
+    result = circlepose.estimate_from_contour(pixels, camera, case.radius, method=method)
+    assert result.cone == "elliptical"
+    assert len(result.candidates) == 2
+    measured = error(result, TrueCircle(case.center, case.normal, None, None, "disc"))
+    assert measured.position_mm < 700.0 * 2e-15 / width + 1e-9
+    assert measured.normal_deg < 1e-7
+
+
+@given(st.floats(-4.0, -2.0), st.floats(0.0, 360.0), st.sampled_from([16, 200]), st.sampled_from(EXACT))
+def test_an_exact_contour_close_to_frontal_keeps_its_tilt(exponent, lean, number, method):
+    tilt = 10.0**exponent
+    case = circle_case(45.0, 700.0, 5.0, 30.0, np.degrees(tilt), lean)
+    camera = Camera.create(CAMERA.camera_matrix)
+    pixels = circle_contour(camera, case.center, case.normal, case.radius, number)
+    result = circlepose.estimate_from_contour(pixels, camera, case.radius, method=method)
+    measured = error(result, TrueCircle(case.center, case.normal, None, None, "disc"))
+    assert np.radians(measured.normal_deg) < 1e-4 * tilt
+
+
+def test_a_contour_that_scatters_is_frontal_or_a_segment_within_its_own_errors():
+    camera = Camera.create(CAMERA.camera_matrix)
+    for tilt_deg, kind in ((0.02, "right"), (89.999, "degenerate")):
+        case = circle_case(45.0, 700.0, 5.0, 30.0, tilt_deg, 20.0)
+        points = circle_contour(camera, case.center, case.normal, case.radius, 150)
+        noise = 0.02 * np.random.default_rng(4).normal(size=points.shape)
+        if kind == "degenerate":
+            noise = np.abs(noise) * np.sign(points - points.mean(axis=0))
+        assert circlepose.estimate_from_contour(points + noise, camera, 45.0).cone == kind
+
+
 @pytest.mark.parametrize("points", [np.zeros(7), np.full((9, 2), np.nan), np.zeros((9, 3))])
 def test_what_is_no_contour_is_refused(points):
     with pytest.raises(ArgumentError, match="contour"):

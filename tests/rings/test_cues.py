@@ -13,14 +13,15 @@ import pytest
 import circlepose
 from circlepose.diagnostics.explain import explain
 from circlepose.errors import ArgumentError
+from circlepose.io.tables import LAYOUTS
 from circlepose.io.tables.lossless import plain_result, restored_result
-from circlepose.io.tables.paper_layouts import LAYOUTS, write_results
-from circlepose.results import SETTLED_BY_MEANING, SettledBy, Status
+from circlepose.io.tables.paper_layouts import write_results
+from circlepose.results import SETTLED_BY_MEANING, Flag, SettledBy, Status
 from circlepose.solvers import CIRCLE_METHODS, FU_ZHOU, METHODS
-from circlepose.synthesis.scene import Disc
+from circlepose.synthesis.scene import CoaxialPart, Disc, Paint
 from circlepose.targets.target import Target
 from circlepose_cli.app import main
-from circlepose_cli.reports.explain import report_text
+from circlepose_cli.reports.explain.text import report_text
 from tests.rings.test_results import BOSS, CAMERA, CENTER, COAXIAL, COPLANAR, DARK, NORMAL, RINGS, rendered
 
 
@@ -153,3 +154,35 @@ def test_every_value_has_a_meaning_in_the_manual(project_root):
     manual = (project_root / "docs" / "cli.md").read_text()
     assert set(SETTLED_BY_MEANING) == set(SettledBy)
     assert [value for value in SettledBy if f"`{value}`" not in manual] == []
+
+
+EQUAL_LENGTHS = Target("coaxial", (45.0, 40.5), generatrix_mm=float(np.hypot(42.3, 4.5)))
+
+
+def boss_of_equal_lengths(lean_deg):
+    """A boss at the tilt at which the wrong pair has the right generatrix at both ends."""
+    tilt, lean = np.radians(29.83), np.radians(lean_deg)
+    across = np.array([np.cos(lean), np.sin(lean), 0.0])
+    normal = np.sin(tilt) * across + np.array([0.0, 0.0, -np.cos(tilt)])
+    center = np.array([0.0, 0.0, 225.0])
+    return CoaxialPart(center, normal, (45.0, 40.5), 42.3, "boss", Paint(80.0), Paint(230.0))
+
+
+@pytest.mark.parametrize("lean_deg", [20.0, 110.0, 200.0])
+def test_generatrices_that_settle_nothing_leave_a_boss_ambiguous(lean_deg):
+    result = circlepose.estimate(rendered(boss_of_equal_lengths(lean_deg)), CAMERA, EQUAL_LENGTHS, method=FU_ZHOU)
+    assert [circle.circle for circle in result.circles] == ["big", "small"]
+    for circle in result.circles:
+        assert circle.ambiguity > 0.05
+        assert Flag.AMBIGUOUS in circle.flags
+        assert circle.settled_by is SettledBy.NONE
+        assert len(circle.candidates) == 2
+
+
+def test_a_choice_is_settled_or_ambiguous_and_no_probability_is_rounded_to_zero(measured_by_all):
+    *_, result = measured_by_all
+    for circle in result.circles:
+        if circle.method == FU_ZHOU:
+            assert circle.settled_by is not SettledBy.NONE
+            assert Flag.AMBIGUOUS not in circle.flags
+            assert 0.0 < circle.ambiguity < 0.05

@@ -35,7 +35,7 @@ _LOUD = ("distributed", "tornado", "asyncio")
 class Connection:
     """Hands work out to the workers of a cluster; what becomes of it comes as events, in no order."""
 
-    def __init__(self, address: str, tell: Callable[[str], None]) -> None:
+    def __init__(self, address: str, on_note: Callable[[str], None]) -> None:
         """Connect to the scheduler at `address`; raises `UsageError` where that fails, or all workers are refused."""
         try:
             import distributed  # noqa: F401, PLC0415 - only where a cluster is asked for
@@ -46,7 +46,7 @@ class Connection:
                 f"--cluster {redacted(address)}: expected the address of a scheduler, as tcp://host:8786."
             )
         self._address = address
-        self._tell = tell
+        self._on_note = on_note
         self._versions = versions()
         self.topic = f"circlepose-{uuid.uuid4().hex}"
         self.threads: Mapping[str, int] = {}
@@ -63,7 +63,7 @@ class Connection:
         self._is_alone = False
         self._levels = {logger: logger.level for logger in _loud_loggers()}
         for logger in self._levels:
-            # What becomes of a worker is told in a row, or by `tell`.
+            # What becomes of a worker is reported in a row, or by `on_note`.
             logger.setLevel(logging.CRITICAL + 1)
         try:
             self._client = self._connected()
@@ -122,7 +122,7 @@ class Connection:
 
     def reconnect(self) -> None:
         """Wait for the scheduler to come back; raises `UsageError` when it does not."""
-        self._tell(f"{redacted(self._address)}: the scheduler has gone; waiting for it to come back")
+        self._on_note(f"{redacted(self._address)}: the scheduler has gone; waiting for it to come back")
         self._drop_client()
         self._refused, self._accepted, self.threads = {}, set(), {}
         end = time.monotonic() + _PATIENCE_S
@@ -135,7 +135,7 @@ class Connection:
                 time.sleep(_RETRY_S)
             else:
                 break
-        self._tell(f"{redacted(self._address)}: the scheduler is back")
+        self._on_note(f"{redacted(self._address)}: the scheduler is back")
         self.look()
 
     def look(self) -> None:
@@ -160,14 +160,14 @@ class Connection:
         if self._is_alone != (not self.threads):
             self._is_alone = not self.threads
             what = "there is no worker; waiting for one" if self._is_alone else "a worker has come"
-            self._tell(f"{redacted(self._address)}: {what}")
+            self._on_note(f"{redacted(self._address)}: {what}")
         for number in [each for each, only in self._only.items() if self.threads.keys().isdisjoint(only)]:
             self._happened(Dropped(number))
 
     def refuse(self, worker: str, how: str) -> None:
         """Hand out no more to a worker, whose versions differ."""
         if worker not in self._refused:
-            self._tell(f"{worker}: is not used: this worker has {how}")
+            self._on_note(f"{worker}: is not used: this worker has {how}")
         self._accepted.discard(worker)
         self._refused[worker] = how
         self.look()
@@ -187,7 +187,7 @@ class Connection:
         try:
             # Threads that took a signal would leave the main one waiting.
             with signals_blocked(), warnings.catch_warnings():
-                # Of other versions of dask at the scheduler: what does not work is told when it fails.
+                # Of other versions of dask at the scheduler: what does not work is reported when it fails.
                 warnings.simplefilter("ignore")
                 client = Client(self._address, timeout=_CONNECT_S, set_as_default=False, name="circlepose")
         except (OSError, ValueError, TypeError, ImportError) as error:
@@ -218,7 +218,7 @@ class Connection:
         for worker in new & reports["workers"].keys():
             how = difference(_told_versions(reports["workers"][worker], (*_BY_NAME, "python")), self._versions)
             if how:
-                self._tell(f"{worker}: is not used: this worker has {how}")
+                self._on_note(f"{worker}: is not used: this worker has {how}")
                 self._refused[worker] = how
             else:
                 self._accepted.add(worker)
@@ -265,5 +265,5 @@ def _loud_loggers() -> list[logging.Logger]:
 
 def _told_versions(report: Mapping[str, Any], names: Collection[str]) -> dict[str, str | None]:
     """Return the versions in a report of dask's."""
-    told = {**report["packages"], "python": ".".join(report["host"]["python"].split(".")[:2])}
-    return {name: told.get(name) for name in names}
+    reported = {**report["packages"], "python": ".".join(report["host"]["python"].split(".")[:2])}
+    return {name: reported.get(name) for name in names}

@@ -30,7 +30,7 @@ class WorkersDied(_OfWork):
 
 
 class Dropped(_OfWork):
-    """What was handed out is no longer known there: the scheduler was restarted, or was told to forget it."""
+    """What was handed out is no longer known there: the scheduler was restarted, or has forgotten it."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -52,12 +52,12 @@ def measure_on_cluster(
     address: str,
     timeout_s: float | None = None,
     on_bug: BugReport | None = None,
-    tell: Callable[[str], None] = lambda _: None,
+    on_note: Callable[[str], None] = lambda _: None,
 ) -> Generator[ImageResult, None, None]:
     """Measure `items` by the workers of the cluster whose scheduler is at `address`, such as `tcp://host:8786`.
 
-    As `measure_files`, but that the workers read the images: paths have to lead to the same files there. `tell` is
-    told, in a sentence each, of workers that are missing or refused, and of a scheduler that has gone. It
+    As `measure_files`, but that the workers read the images: paths have to lead to the same files there. `on_note` gets
+    a sentence on each worker that is missing or refused, and on a scheduler that has gone. It
     connects at once.
 
     Raises
@@ -68,7 +68,7 @@ def measure_on_cluster(
     CircleposeError
         On misuse, as `measure_files`.
     """
-    return _measured(items, Connection(address, tell), options, timeout_s or DEFAULT_TIMEOUT_S, on_bug)
+    return _measured(items, Connection(address, on_note), options, timeout_s or DEFAULT_TIMEOUT_S, on_bug)
 
 
 def _measured(

@@ -39,7 +39,7 @@ def measure_chunk(expected: Mapping[str, str], packed: bytes, topic: str, number
     """Measure images on a worker of a cluster; return JSON: the worker's address and an outcome for each.
 
     `expected` are the versions that a result has to come from; others give `refused`, how they differ. That the
-    work begins, and that it ends, are events of `topic`: a second that begins tells that the first worker is no more.
+    work begins, and that it ends, are events of `topic`: a second beginning means that the first worker has died.
     """
     from distributed import get_worker  # noqa: PLC0415 - only there
 
@@ -49,7 +49,7 @@ def measure_chunk(expected: Mapping[str, str], packed: bytes, topic: str, number
         return json.dumps({"worker": worker.address, "refused": differing}).encode()
     items, options, timeout_s, suspected = pickle.loads(packed)
     if suspected:
-        # A worker tells what it has done a little later; lost with it, that would be blamed on the image before.
+        # A worker reports what it has done a little later. If that is lost with it, the image before would be blamed.
         time.sleep(_TOLD_S)
     worker.log_event(topic, {"number": number, "begins": True})
     outcomes = _processes.measured([(item, options) for item in items], timeout_s)

@@ -60,7 +60,7 @@ def _parse_json(text: str, name: str) -> dict[str, object]:
     except RecursionError:
         raise CalibrationError(f"{name}: is nested too deeply to be meant.") from None
     except json.JSONDecodeError:
-        # One line of YAML may begin with a brace, too; what is neither is told as YAML, with its line.
+        # One line of YAML may begin with a brace, too; what is neither is reported as YAML, with its line.
         return parse_yaml(text, name, CalibrationError)
     except ValueError as reason:
         raise CalibrationError(f"{name}: {reason}.") from None

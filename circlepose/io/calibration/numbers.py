@@ -113,7 +113,7 @@ def _grid_of_mapping(value: Mapping[str, object], where: str, key: str) -> Float
 def _shape_of_mapping(value: Mapping[str, object], where: str, key: str) -> tuple[float, float]:
     sizes = value.get("sizes")
     if sizes is not None:
-        # OpenCV 5 writes a vector as an array of one size; XML does not tell one number from a list of one.
+        # OpenCV 5 writes a vector as an array of one size; XML does not distinguish one number from a list of one.
         lengths = number_list(sizes if isinstance(sizes, list) else [sizes], where, f"{key}.sizes")
         if len(lengths) not in {1, 2}:
             raise CalibrationError(f"{where}: {key}: expected a matrix or a vector, got {len(lengths)} sizes.")

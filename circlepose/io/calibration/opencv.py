@@ -16,7 +16,7 @@ from circlepose.io.text.yaml import MatrixNode
 
 NAME = "OpenCV FileStorage"
 
-# Keys are compared in lower case without separators. The end tells the cameras of a stereo file apart: M1 D1 M2 D2.
+# Keys are compared in lower case without separators. The digit at the end is the camera of a stereo file: M1 D1 M2 D2.
 _END = r"(?P<end>[0-9]|left|right)?"
 _MATRIX_KEY = re.compile(rf"(?:cameramatrix|intrinsicmatrix|intrinsics?|mtx|k|m){_END}")
 _DIST_KEY = re.compile(rf"(?:dist(?:ortion)?(?:coeff?(?:icient)?s?)?|d){_END}")

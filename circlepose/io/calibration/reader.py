@@ -1,4 +1,4 @@
-"""Calibration files -> `Camera`, whatever tool wrote them; the form is told by the content, not by the name.
+"""Calibration files -> `Camera`, whatever tool wrote them; the form is recognized by the content, not by the name.
 
 All these forms share OpenCV's convention: an integer pixel coordinate is a pixel's centre.
 """

@@ -1,4 +1,4 @@
-"""What the bytes of an image file tell before it is decoded: its format, whether it is all there. Pure Python."""
+"""What the bytes of an image file show before it is decoded: its format, whether it is all there. Pure Python."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ JPEG_2000_VARIABLE = "CIRCLEPOSE_JPEG2000"
 """Environment variable that allows this format, when it is 1; a process hands it on to its workers."""
 
 HEAD_BYTES = 64
-"""As many tell the format."""
+"""bytes that identify the format"""
 
 _JPEG_END = b"\xff\xd9"
 _JPEG_SCAN = 0xDA
@@ -66,7 +66,7 @@ def reads_jpeg_2000() -> bool:
 
 
 def is_complete(content: bytes, kind: str) -> bool:
-    """Whether a JPEG or PNG has its end; the decoder itself tells for all other formats."""
+    """Whether a JPEG or PNG has its end; the decoder itself checks all other formats."""
     if kind == "JPEG":
         return _jpeg_has_end(content)
     if kind == "PNG":

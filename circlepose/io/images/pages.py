@@ -42,7 +42,7 @@ def _tiff_pages(content: bytes) -> int:
 
 
 def _is_reduced(content: bytes, order: str, start: int, entries: int, entry_bytes: int) -> bool:
-    """Tell whether the tag NewSubfileType calls the page a thumbnail or a mask."""
+    """Return whether the tag NewSubfileType calls the page a thumbnail or a mask."""
     for number in range(min(entries, 64)):
         at = start + number * entry_bytes
         (tag,) = struct.unpack_from(f"{order}H", content, at)

@@ -1,4 +1,4 @@
-"""Globs as a shell reads them, except that a folder that cannot be read is told: its images would be missed."""
+"""Globs as a shell reads them, except that a folder that cannot be read is reported: its images would be missed."""
 
 from __future__ import annotations
 

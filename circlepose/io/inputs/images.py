@@ -65,7 +65,7 @@ def expand_inputs(
       each taken when it is asked for; whether one comes twice is not looked at.
     - `-` stands for the paths and URLs on `stdin`, one a line, each taken when it is asked for: the producer may be
       endless.
-    - Anything else is a file or an object; if it is missing, that is told when it is read, as the status of its row.
+    - Anything else is a file or an object; if it is missing, its row gets the status when it is read.
 
     Photographs and films in folders and globs, of kinds that are not read, are counted in `skipped` by their ending.
 

@@ -20,7 +20,7 @@ _INSTALL = "pip install 'circlepose[cluster]'"
 
 
 class RemoteStat(NamedTuple):
-    """As much of `os.stat_result` as tells whether an object is what it was."""
+    """As much of `os.stat_result` as shows whether an object has changed."""
 
     st_size: int
     st_mtime_ns: int

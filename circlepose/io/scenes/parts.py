@@ -175,7 +175,7 @@ _TARGETS: Mapping[str, Callable[[Mapping[str, Any], str, Mapping[str, Plane]], T
 
 @contextmanager
 def _at(where: str) -> Iterator[None]:
-    """Tell where in the file a value stands that the scene refuses."""
+    """Name the place in the file of a value that the scene refuses."""
     try:
         yield
     except SceneError as reason:

@@ -74,7 +74,7 @@ def pose_rows(result: ImageResult) -> Iterator[Row]:
 
 
 def stands_for_missing(result: ImageResult) -> bool:
-    """Tell whether an image's status says more than the statuses of its circles do."""
+    """Return whether an image's status says more than the statuses of its circles do."""
     return result.status is not Status.OK and all(c.status is not result.status for c in result.circles)
 
 

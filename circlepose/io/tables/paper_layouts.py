@@ -15,15 +15,13 @@ import numpy as np
 
 from circlepose._typing import FloatArray
 from circlepose.evaluation.matching import TabledPose
+from circlepose.io.tables import Layout, json_records
 from circlepose.io.tables import columns as tables
-from circlepose.io.tables import json_records
 from circlepose.io.tables.columns import Row
 from circlepose.io.tables.reference import CircleKey, Reference
 from circlepose.results import CircleResult, ImageResult
 from circlepose.solvers.fu_zhou_coaxial import generatrix_length
 
-Layout = Literal["poses", "table1", "table2"]
-LAYOUTS: tuple[Layout, ...] = ("poses", "table1", "table2")
 DataFormat = Literal["csv", "tsv", "json", "jsonl"]
 
 TABLE1_COLUMNS = (

@@ -21,7 +21,7 @@ _ALIASES = (
     (_NORMAL, (_NORMAL, ("nx", "ny", "nz"))),
 )
 _POSES_ONLY = ("method", "solution")
-"""columns that tell a table of poses from a truth"""
+"""columns that only a table of poses has, not a truth"""
 _POSES_COLUMNS = ("image", "instance", "circle", "method", "solution", "chosen", "status", *_CENTER, *_NORMAL)
 _UNIT = 1e-3
 """How far the length of a normal may be from 1: files have six or more decimals."""

@@ -46,7 +46,7 @@ class Reference:
         return cls(table.is_truth, by_image, unique)
 
     def knows(self, image: str) -> bool:
-        """Tell whether there is anything on `image`, by its name, or by its name without folders."""
+        """Return whether there is anything on `image`, by its name, or by its name without folders."""
         return image in self.by_image or PurePath(image).name in self.by_file_name
 
     def poses(self, result: ImageResult) -> dict[CircleKey, TabledPose]:

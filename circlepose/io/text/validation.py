@@ -33,7 +33,7 @@ def parse(form: type[Form], entries: Mapping[str, object], where: str, error: ty
     try:
         return form.model_validate(dict(entries))
     except ValidationError as reason:
-        # A key that is not known explains one that is missing, so it is told first.
+        # A key that is not known explains one that is missing, so it is reported first.
         errors = sorted(reason.errors(), key=lambda each: each["type"] != "extra_forbidden")
         raise error(f"{where}: {_sentence(form, entries, errors[0])}") from None
 

@@ -131,7 +131,7 @@ _NUMBER = f"(?:{_FLOAT}|{_NOT_FINITE})"
 
 
 class _Resolver(BaseResolver):
-    """Tells by its looks what a plain value is: PyYAML's rules take 1e-3 for text, 010 for 8, 1:30 for 90."""
+    """Resolve the type of a plain value by its form: PyYAML's rules take 1e-3 for text, 010 for 8, 1:30 for 90."""
 
 
 _CORE = "tag:yaml.org,2002:"

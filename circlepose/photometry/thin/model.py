@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from circlepose._typing import BoolArray, FloatArray, Image
-from circlepose.photometry.edge_spread import normal_share
+from circlepose.photometry.gaussian import normal_share
 
 _NODES, _NODE_WEIGHTS = np.polynomial.legendre.leggauss(20)
 _REACH_SIGMA = 4.5

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from circlepose_cli.console import debugging
+from circlepose_cli.console import process
 from circlepose_cli.options import declared
 from circlepose_cli.options.declared import ReportFormat
 
@@ -20,26 +20,25 @@ def camera(
         Path | None,
         typer.Option("--target", metavar="FILE", help="Target to be measured: warn of views that are ambiguous."),
     ] = None,
-    report_format: Annotated[
-        ReportFormat, typer.Option("--format", help="Plain words, or JSON.")
-    ] = ReportFormat.TEXT,
+    report_format: declared.Report = ReportFormat.TEXT,
     verbose: declared.Verbose = False,
 ) -> None:
     """Explain a calibration file.
 
     Prints lens model, field of view, distortion in px and what looks wrong.
     """
-    if verbose:
-        debugging.show_tracebacks(True)
+    process.begin(verbose=verbose)
     from circlepose.io.calibration.reader import read_camera_file  # noqa: PLC0415 - needs NumPy
+    from circlepose.io.target_file import read_target, target_from_mapping  # noqa: PLC0415
     from circlepose_cli.reports.camera import describe, report_record, report_text  # noqa: PLC0415
 
+    camera_file = read_camera_file(calibration, camera_name)
     target = None
     if target_file is not None:
-        from circlepose.io.target_file import read_target  # noqa: PLC0415
-
         target = read_target(target_file)
-    report = describe(read_camera_file(calibration, camera_name), target)
+    elif camera_file.target is not None:
+        target = target_from_mapping(camera_file.target, f"{camera_file.path}: target")
+    report = describe(camera_file, target)
     if report_format is ReportFormat.JSON:
         typer.echo(json.dumps(report_record(report), indent=2, allow_nan=False))
     else:

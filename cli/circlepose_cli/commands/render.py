@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from circlepose.io.text.escaping import quoted
-from circlepose_cli.console import debugging
+from circlepose_cli.console import process
 from circlepose_cli.options import declared
 
 
@@ -30,8 +30,7 @@ def render(
 
     Writes a folder that `estimate` can measure, and prints the files in it.
     """
-    if verbose:
-        debugging.show_tracebacks(True)
+    process.begin(verbose=verbose)
     from circlepose.io.scenes.produce import render_to_folder  # noqa: PLC0415 - needs NumPy and OpenCV
 
     for path in render_to_folder(scene, output, overwrite=overwrite):

@@ -9,7 +9,7 @@ from typing import Annotated, TypeVar
 
 import typer
 
-from circlepose_cli.console import debugging
+from circlepose_cli.console import process
 from circlepose_cli.options import declared
 
 T = TypeVar("T")
@@ -52,8 +52,7 @@ def table1(
     A compact disc in three views (general, elongated, touched by an object), rendered at the printed poses, by
     their method and the two that they compare with.
     """
-    if verbose:
-        debugging.show_tracebacks(True)
+    process.begin(verbose=verbose)
     from circlepose.studies.table1 import table1_rows  # noqa: PLC0415 - needs NumPy and OpenCV
     from circlepose_cli.output.sheets import write_sheet  # noqa: PLC0415
     from circlepose_cli.reports.study import table1_sheet  # noqa: PLC0415
@@ -79,8 +78,7 @@ def noise(
     Standard deviations of centre and normal under Gaussian noise of 1, 2 and 3 px on the feature points, for
     several readings of what the paper leaves open.
     """
-    if verbose:
-        debugging.show_tracebacks(True)
+    process.begin(verbose=verbose)
     from circlepose.studies.noise import noise_rows, printed_noise_rows, readings  # noqa: PLC0415 - needs NumPy and OpenCV
     from circlepose.studies.published import NOISE  # noqa: PLC0415
     from circlepose_cli.output.sheets import write_sheet  # noqa: PLC0415
@@ -110,8 +108,7 @@ def table2(
 
     Concentric circles, coplanar and coaxial, rendered at the calibrated poses: both candidates and the one chosen.
     """
-    if verbose:
-        debugging.show_tracebacks(True)
+    process.begin(verbose=verbose)
     from circlepose.studies.table2 import table2_rows  # noqa: PLC0415 - needs NumPy and OpenCV
     from circlepose_cli.output.sheets import write_sheet  # noqa: PLC0415
     from circlepose_cli.reports.study import table2_sheet  # noqa: PLC0415
@@ -137,8 +134,7 @@ def gcc(
     How far the generatrix of the right pair of candidates, and of the other one, is from the part's: bosses and
     recesses rendered at random poses.
     """
-    if verbose:
-        debugging.show_tracebacks(True)
+    process.begin(verbose=verbose)
     from circlepose.studies.gcc import PARTS, gcc_points, gcc_rows, printed_points  # noqa: PLC0415 - needs NumPy
     from circlepose_cli.output.sheets import write_sheet  # noqa: PLC0415
     from circlepose_cli.reports.study import gcc_sheet  # noqa: PLC0415

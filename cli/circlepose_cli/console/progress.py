@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 import traceback
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Generator, Iterator
 from contextlib import AbstractContextManager, closing, contextmanager
 from typing import TYPE_CHECKING
@@ -14,19 +14,54 @@ from circlepose.batch.resume import LOST
 from circlepose.detection.contour import Rejection
 from circlepose.io.text.escaping import printable, redacted
 from circlepose.results import Flag, ImageResult, Status
-from circlepose_cli.console import debugging
+from circlepose_cli.console import process
 from circlepose_cli.console.interruption import Interruption
-from circlepose_cli.console.pace import Pace, duration
-from circlepose_cli.options.names import with_options_named
+from circlepose_cli.options.parse import with_options_named
 
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
 _INTERVAL_S = 30.0
+_SPAN_S = 30.0
+_STEP_S = 1.0
+
+
+class Pace:
+    """Counts what is done; rates are of the last half minute, so that a slow start or a resumed part is forgotten."""
+
+    def __init__(self, now_s: float) -> None:
+        self.done = 0
+        self._marks: deque[tuple[float, int]] = deque([(now_s, 0)])
+
+    def count(self, now_s: float) -> None:
+        """Note that one more is done."""
+        self.done += 1
+        if now_s - self._marks[-1][0] >= _STEP_S:
+            self._marks.append((now_s, self.done))
+        while len(self._marks) > 1 and now_s - self._marks[1][0] >= _SPAN_S:
+            self._marks.popleft()
+
+    def per_second(self, now_s: float) -> float:
+        """Return the rate, 0 where nothing is known."""
+        since, done = self._marks[0]
+        return (self.done - done) / (now_s - since) if now_s > since else 0.0
+
+    def left_s(self, now_s: float, total: int | None) -> float | None:
+        """Return the time that the rest takes, in s, or None where it is not known."""
+        rate = self.per_second(now_s)
+        return None if total is None or rate == 0.0 else (total - self.done) / rate
+
+
+def duration(seconds: float) -> str:
+    """Return a duration in the two largest units that it has: 45 s, 3 min 20 s, 5 h 12 min, 2 d 3 h."""
+    whole = round(seconds)
+    units = (("d", whole // 86400), ("h", whole // 3600 % 24), ("min", whole // 60 % 60), ("s", whole % 60))
+    first = next((number for number, (_, value) in enumerate(units) if value), len(units) - 1)
+    return " ".join(f"{value} {unit}" for unit, value in units[first : first + 2] if value or unit == "s")
 
 
 class Reporter:
-    """Counts results and tells a person about them."""
+    """Counts results and reports them on standard error."""
 
     def __init__(self, *, quiet: bool, verbose: bool, clock: Callable[[], float] = time.monotonic) -> None:
         self.measured = 0
@@ -40,7 +75,7 @@ class Reporter:
         self._clock = clock
         self._total: int | None = None
         self._pace = Pace(clock())
-        self._told_s = clock()
+        self._noted_s = clock()
         self._bar: tuple[Progress, TaskID] | None = None
 
     @property
@@ -85,7 +120,7 @@ class Reporter:
     def bug(self, _image: str, error: Exception) -> None:
         """Take note of a bug; the row of its image is counted like all others."""
         self.bugs += 1
-        if debugging.tracebacks_shown():
+        if process.tracebacks_shown():
             for line in "".join(traceback.format_exception(error)).splitlines():
                 self.note(line)
 
@@ -96,8 +131,8 @@ class Reporter:
             bar, task = self._bar
             failed = f"failed: {self._kinds()}" if self.failures else ""
             bar.update(task, advance=1, pace=f"{self._pace.per_second(now):.1f}/s  {failed}")
-        elif now - self._told_s >= _INTERVAL_S:
-            self._told_s = now
+        elif now - self._noted_s >= _INTERVAL_S:
+            self._noted_s = now
             self.note(self._pace_line(now))
 
     def _pace_line(self, now: float) -> str:
@@ -112,7 +147,7 @@ class Reporter:
         return ", ".join(f"{status} {number}" for status, number in self.failures.most_common())
 
     def note(self, message: str) -> None:
-        """Say something, unless told to be quiet."""
+        """Print a line, unless --quiet."""
         if self._quiet:
             return
         shown = printable(redacted(message))
@@ -123,7 +158,7 @@ class Reporter:
             print(f"{shown}\n", end="", file=sys.stderr, flush=True)
 
     def detail(self, message: str) -> None:
-        """Say something, if told to be verbose."""
+        """Print a line, if --verbose."""
         if self._verbose:
             self.note(message)
 
@@ -170,7 +205,7 @@ def follow(
     bar: AbstractContextManager[None],
     interruption: Interruption,
 ) -> Generator[ImageResult, None, None]:
-    """Pass `results` on, telling of each and showing `bar` meanwhile, until they end or a signal ends them."""
+    """Pass `results` on, count each and show `bar` meanwhile, until they end or a signal ends them."""
     with bar, closing(results):
         while not interruption.received:
             try:

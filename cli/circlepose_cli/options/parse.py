@@ -1,52 +1,48 @@
-"""What the options on target and camera say, parsed: from texts to `TargetOverrides`."""
+"""Texts of options read to the values that they stand for. Each reader gets the option's name, for its message."""
 
 from __future__ import annotations
 
 import math
-from typing import Literal
+from dataclasses import replace
+from typing import TYPE_CHECKING, Literal, TypeAlias
+
+import typer
 
 from circlepose.errors import UsageError
-from circlepose_cli.options.declared import PolarityChoice, SideChoice, TargetOverrides, Vector
+from circlepose.targets import SIDES, Direction, Side
+
+if TYPE_CHECKING:
+    from circlepose.results import ImageResult
+
+Interval: TypeAlias = tuple[float, float]
+_OPTIONS = {"set scale_calibration": "give --scale-calib", "set force_calibration": "give --force-calib"}
 
 
-def target_overrides(
-    *,
-    count: str | None,
-    polarity: PolarityChoice | None,
-    depth_range_mm: str | None,
-    major_px: str | None,
-    minor_px: str | None,
-    coplanar: bool | None,
-    normal: str | None,
-    normal_spread_deg: float | None,
-    up: str | None,
-    up_spread_deg: float | None,
-    facing: str | None,
-    radius_sigma_mm: float | None,
-    camera_sigma: str | None,
-) -> TargetOverrides:
-    """Return what the options of these names say, as they were typed; raises `UsageError`."""
-    return TargetOverrides(
-        count=parse_count(count),
-        polarity=polarity,
-        depth_range_mm=parse_interval("--depth-range-mm", depth_range_mm),
-        major_px=parse_interval("--major-px", major_px),
-        minor_px=parse_interval("--minor-px", minor_px),
-        coplanar=coplanar,
-        normal=parse_vector("--normal", normal),
-        normal_spread_deg=normal_spread_deg,
-        up=parse_vector("--up", up),
-        up_spread_deg=up_spread_deg,
-        facing=parse_facing(facing),
-        radius_sigma_mm=radius_sigma_mm,
-        camera_sigma=parse_camera_sigma(camera_sigma),
-    )
+def with_options_named(result: ImageResult) -> ImageResult:
+    """Return `result` with options in its reason in place of parameters of the library."""
+    reason = result.reason
+    for parameter, option in _OPTIONS.items():
+        reason = reason.replace(parameter, option)
+    return result if reason == result.reason else replace(result, reason=reason)
 
 
-def parse_vector(option: str, text: str | None) -> Vector | None:
+def number_of_mm(text: str) -> float:
+    """Return the number; Typer names the option where it is none."""
+    try:
+        return float(text)
+    except ValueError:
+        raise typer.BadParameter(f"expected a number of mm without its unit, such as 60, got {text!r}.") from None
+
+
+def positive_seconds(option: str, seconds: float) -> float:
+    """Return a positive time in s; raises `UsageError`."""
+    if not 0.0 < seconds < math.inf:
+        raise UsageError(f"{option}: expected a positive time in seconds, got {seconds:g}.")
+    return seconds
+
+
+def direction(option: str, text: str) -> Direction:
     """Return the direction written as X,Y,Z; raises `UsageError`."""
-    if text is None:
-        return None
     try:
         x, y, z = (float(part) for part in text.split(","))
     except ValueError:
@@ -59,46 +55,41 @@ def parse_vector(option: str, text: str | None) -> Vector | None:
     return x, y, z
 
 
-def parse_camera_sigma(text: str | None) -> tuple[float, float] | None:
+def camera_sigma(option: str, text: str) -> tuple[float, float]:
     """Return the standard deviations written as FOCAL_PX,CENTER_PX; raises `UsageError`."""
-    if text is None:
-        return None
     try:
         focal, center = (float(part) for part in text.split(","))
     except ValueError:
         focal = center = math.nan
     if not (0.0 <= focal < math.inf and 0.0 <= center < math.inf):
         raise UsageError(
-            "--camera-sigma: expected FOCAL_PX,CENTER_PX, standard deviations of 0 px or more, such as 0.8,0.5, "
+            f"{option}: expected FOCAL_PX,CENTER_PX, standard deviations of 0 px or more, such as 0.8,0.5, "
             f"got {text!r}."
         )
     return focal, center
 
 
-def parse_facing(text: str | None) -> SideChoice | Vector | None:
+def facing(option: str, text: str) -> Side | Direction:
     """Return a side by its name, or the direction written as X,Y,Z; raises `UsageError`."""
-    if text is None or "," in text:
-        return parse_vector("--facing", text)
-    if text in set(SideChoice):
-        return SideChoice(text)
-    raise UsageError(f"--facing: expected {', '.join(SideChoice)} or a direction X,Y,Z, got {text!r}.")
+    if "," in text:
+        return direction(option, text)
+    for side in SIDES:
+        if text == side:
+            return side
+    raise UsageError(f"{option}: expected {', '.join(SIDES)} or a direction X,Y,Z, got {text!r}.")
 
 
-def parse_count(text: str | None) -> int | Literal["all"] | None:
+def count(option: str, text: str) -> int | Literal["all"]:
     """Return a count of at least 1 or `all`; raises `UsageError`."""
-    if text is None:
-        return None
     if text == "all":
         return "all"
     if text.isdecimal() and int(text) >= 1:
         return int(text)
-    raise UsageError(f"--count: expected a whole number of at least 1, or all, got {text!r}.")
+    raise UsageError(f"{option}: expected a whole number of at least 1, or all, got {text!r}.")
 
 
-def parse_interval(option: str, text: str | None) -> tuple[float, float] | None:
+def interval(option: str, text: str) -> Interval:
     """Return the interval written as LOW:HIGH; raises `UsageError`."""
-    if text is None:
-        return None
     try:
         low, high = (float(part) for part in text.split(":"))
     except ValueError:

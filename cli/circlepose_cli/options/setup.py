@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any
 
 from circlepose.camera.camera import CameraSigma
 from circlepose.errors import TargetError, UsageError
 from circlepose.io.calibration.reader import CameraFile, read_camera_file
 from circlepose.io.remote.images import Place, RemoteFile
 from circlepose.io.target_file import find_beside, read_target, target_from_mapping
-from circlepose.targets.hints import NORMAL_SPREAD_DEG, UP_SPREAD_DEG, Direction, DirectionHint
+from circlepose.targets import Direction
+from circlepose.targets.hints import NORMAL_SPREAD_DEG, UP_SPREAD_DEG, DirectionHint
 from circlepose.targets.target import AxisIntervals, Target
-from circlepose_cli.options.declared import SideChoice, TargetOverrides
+from circlepose_cli.options.camera_target import CameraTargetOptions
 
 _FOUND = "found beside the images and used"
+_SAME_NAME = sorted({field.name for field in fields(Target)} & {field.name for field in fields(CameraTargetOptions)})
+"""options that replace the target's field of the same name"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,25 +35,21 @@ class Setup:
     """sentences to say once: remarks on the calibration, and which files were found rather than named"""
 
 
-@dataclass(slots=True)
 class Setups:
-    """The setup of each folder, each found once and told once to `tell`."""
+    """The setup of each folder: found once, and given once to `on_new`."""
 
-    calib: Path | None
-    camera_name: str | None
-    target_file: Path | None
-    radius_mm: float | None
-    overrides: TargetOverrides
-    tell: Callable[[Place, Setup], None]
-    force_calibration: bool = False
-    """whether a calibration that no camera has is used"""
-    _by_folder: dict[Place, Setup] = field(default_factory=dict)
-    _cameras: dict[Path, CameraFile] = field(default_factory=dict)
-    _said: set[str] = field(default_factory=set)
-
-    def __post_init__(self) -> None:
-        if self.target_file is not None and self.radius_mm is not None:
+    def __init__(
+        self, known: CameraTargetOptions, on_new: Callable[[Place, Setup], None], *, force_calibration: bool = False
+    ) -> None:
+        """Take what the command line says; `force_calibration` uses a calibration that no camera has."""
+        if known.target_file is not None and known.radius_mm is not None:
             raise UsageError("--target, --radius-mm: give one of them, not both.")
+        self._known = known
+        self._on_new = on_new
+        self._force_calibration = force_calibration
+        self._by_folder: dict[Place, Setup] = {}
+        self._cameras: dict[Path, CameraFile] = {}
+        self._said: set[str] = set()
 
     def for_image(self, path: Place) -> Setup:
         """Return the setup for an image's folder; raises when it has no camera or no target."""
@@ -59,41 +57,41 @@ class Setups:
         if folder not in self._by_folder:
             setup = self._find(folder)
             self._by_folder[folder] = setup
-            self.tell(folder, setup)
+            self._on_new(folder, setup)
         return self._by_folder[folder]
 
     def _find(self, folder: Place) -> Setup:
-        path = self.calib or _beside(folder, "camera")
+        path = self._known.calib or _beside(folder, "camera")
         if path is None:
             beside = "" if isinstance(folder, RemoteFile) else " or put a camera.yaml beside them"
             raise UsageError(f"{folder}: no calibration for the images there; give --calib FILE{beside}.")
         if path not in self._cameras:
-            camera_file = read_camera_file(path, self.camera_name)
-            if not self.force_calibration:
+            camera_file = read_camera_file(path, self._known.camera_name)
+            if not self._force_calibration:
                 camera_file.refuse_grave("give --force-calib")
             self._cameras[path] = camera_file
         camera_file = self._cameras[path]
         target, origin, target_path = self._find_target(folder, camera_file)
-        target = _overridden(target, self.overrides)
-        notes = [] if self.calib is not None else [f"{path}: {_FOUND} as calibration"]
+        target = _overridden(target, self._known)
+        notes = [] if self._known.calib is not None else [f"{path}: {_FOUND} as calibration"]
         notes += [
             f"{path}: {note}{'' if note.endswith('?') else '.'}"
             for note in (*camera_file.notes, *(d.text for d in camera_file.doubts))
         ]
-        if self.radius_mm is None and self.target_file is None:
+        if self._known.radius_mm is None and self._known.target_file is None:
             used = "used" if origin == f"{camera_file.path}: target" else _FOUND
             notes.append(f"{origin}: {used} as target, {_described(target)}")
-        if self.overrides.camera_sigma is not None:
-            sigma = CameraSigma(*self.overrides.camera_sigma)
+        if self._known.camera_sigma is not None:
+            sigma = CameraSigma(*self._known.camera_sigma)
             camera_file = replace(camera_file, camera=replace(camera_file.camera, sigma=sigma))
         new = tuple(note for note in notes if note not in self._said)
         self._said.update(new)
         return Setup(camera_file, target, origin, target_path, new)
 
     def _find_target(self, folder: Place, camera_file: CameraFile) -> tuple[Target, str, Path | None]:
-        if self.radius_mm is not None:
-            return _circle(self.radius_mm), "--radius-mm", None
-        path = self.target_file or _beside(folder, "target")
+        if self._known.radius_mm is not None:
+            return _circle(self._known.radius_mm), "--radius-mm", None
+        path = self._known.target_file or _beside(folder, "target")
         if path is not None:
             return read_target(path), str(path), path
         if camera_file.target is not None:
@@ -121,32 +119,21 @@ def _circle(radius_mm: float) -> Target:
         raise UsageError(str(error).replace("radius_mm:", "--radius-mm:")) from None
 
 
-def _overridden(target: Target, overrides: TargetOverrides) -> Target:
-    changes: dict[str, Any] = {}
-    if overrides.count is not None:
-        changes["count"] = None if overrides.count == "all" else overrides.count
-    if overrides.polarity is not None:
-        changes["polarity"] = overrides.polarity.value
-    if overrides.coplanar is not None:
-        changes["coplanar"] = overrides.coplanar
-    if overrides.depth_range_mm is not None:
-        changes["depth_range_mm"] = overrides.depth_range_mm
-    if overrides.major_px is not None or overrides.minor_px is not None:
+def _overridden(target: Target, known: CameraTargetOptions) -> Target:
+    changes = {key: value for key in _SAME_NAME if (value := getattr(known, key)) is not None}
+    if known.major_px is not None or known.minor_px is not None:
         axes = target.axis_intervals or AxisIntervals()
-        changes["axis_intervals"] = AxisIntervals(
-            overrides.major_px or axes.major_px, overrides.minor_px or axes.minor_px
+        changes["axis_intervals"] = AxisIntervals(known.major_px or axes.major_px, known.minor_px or axes.minor_px)
+    for option, spread_deg in (("normal", NORMAL_SPREAD_DEG), ("up", UP_SPREAD_DEG)):
+        hint = _hint(
+            option,
+            getattr(target, f"{option}_hint"),
+            getattr(known, option),
+            getattr(known, f"{option}_spread_deg"),
+            spread_deg,
         )
-    if overrides.radius_sigma_mm is not None:
-        changes["radius_sigma_mm"] = overrides.radius_sigma_mm
-    normal, up = overrides.normal, overrides.up
-    hints = {
-        "normal_hint": _hint("normal", target.normal_hint, normal, overrides.normal_spread_deg, NORMAL_SPREAD_DEG),
-        "up_hint": _hint("up", target.up_hint, up, overrides.up_spread_deg, UP_SPREAD_DEG),
-    }
-    changes.update({key: hint for key, hint in hints.items() if hint is not None})
-    if overrides.facing is not None:
-        facing = overrides.facing
-        changes["facing"] = facing.value if isinstance(facing, SideChoice) else facing
+        if hint is not None:
+            changes[f"{option}_hint"] = hint
     return replace(target, **changes)
 
 

@@ -9,10 +9,11 @@ from typing import IO
 from circlepose.errors import UsageError
 from circlepose.io.atomic import is_replaceable_file
 from circlepose.io.remote.images import Place, RemoteFile
+from circlepose.io.tables import Layout
 from circlepose.io.tables.paper_layouts import DataFormat, write_results
 from circlepose.io.tables.reference import Reference
 from circlepose.results import ImageResult
-from circlepose_cli.options.declared import FormatChoice, LayoutChoice
+from circlepose_cli.options.declared import FormatChoice
 
 _BY_SUFFIX = {
     ".csv": FormatChoice.CSV,
@@ -64,7 +65,7 @@ def _usual_format(output: Place | None, *, to_terminal: bool) -> FormatChoice:
 
 
 def is_compressed(output: Place) -> bool:
-    """Tell whether the name of an output asks for gzip."""
+    """Return whether the name of an output asks for gzip."""
     return output.name.lower().endswith(".gz")
 
 
@@ -73,18 +74,18 @@ def write_output(
     handle: IO[str] | IO[bytes],
     *,
     output_format: FormatChoice,
-    layout: LayoutChoice,
+    layout: Layout,
     reference: Reference | None = None,
 ) -> None:
     """Write `results` to `handle`, binary for Parquet and text otherwise; `reference` for the layout `table2`."""
     if output_format is FormatChoice.TABLE:
         from circlepose_cli.output.table import write_table  # noqa: PLC0415 - needs rich
 
-        write_table(results, handle, layout.value, reference)  # type: ignore[arg-type]
+        write_table(results, handle, layout, reference)  # type: ignore[arg-type]
     elif output_format is FormatChoice.PARQUET:
         from circlepose.io.tables.parquet import write_parquet  # noqa: PLC0415 - few ask for it
 
         write_parquet(results, handle)  # type: ignore[arg-type]
     else:
         data_format = _DATA_FORMATS[output_format]
-        write_results(results, handle, data_format=data_format, layout=layout.value, reference=reference)  # type: ignore[arg-type]
+        write_results(results, handle, data_format=data_format, layout=layout, reference=reference)  # type: ignore[arg-type]

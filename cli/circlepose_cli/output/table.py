@@ -11,10 +11,9 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from circlepose.io.tables import Layout, paper_layouts
 from circlepose.io.tables import columns as tables
-from circlepose.io.tables import paper_layouts
 from circlepose.io.tables.columns import Row
-from circlepose.io.tables.paper_layouts import Layout
 from circlepose.io.tables.reference import Reference
 from circlepose.io.text.escaping import printable, quoted
 from circlepose.results import ImageResult
@@ -22,7 +21,7 @@ from circlepose.results import ImageResult
 _PIPE_WIDTH = 200
 _NAMES = {"image": "image", "#": "instance", "circle": "circle", "method": "method"}
 _ALWAYS = ("image", "#", "x mm", "y mm", "z mm", "n x", "n y", "n z")
-"""columns that are there even where they have nothing to tell"""
+"""columns that are there even where all their cells are empty"""
 _CENTER_SIGMA = "sigma_center_mm"
 _NUMBERS = {
     "x mm": ("center_x_mm", 3),

@@ -84,7 +84,7 @@ def _write_table(comparison: Comparison, handle: TextIO) -> None:
 
 
 def _remarks(difference: Difference) -> str:
-    """Return the statuses, if they tell of more than a pose that moved."""
+    """Return the statuses, if they say more than that a pose moved."""
     status, reference = difference.status, difference.reference_status
     if difference.change == "status":
         return f"{reference} -> {status}"

@@ -74,7 +74,7 @@ def noise_sheet(rows: Sequence[NoiseRow], repeats: int, seed: int) -> Sheet:
             "SD of centre: root mean square distance to the mean centre, all three coordinates together. SD of "
             "normal: root mean square angle to the mean direction. Bias: of these means, to the truth. No pose: "
             "perturbations left out because they had none.",
-            "The paper tells neither the view nor what its SD is. Pixels are squares of 0.01212 mm unless said; the "
+            "The paper states neither the view nor how its SD is defined. Pixels are squares of 0.01212 mm unless said; the "
             "last reading is a view picked here, as its numbers are near the printed ones.",
         ),
     )

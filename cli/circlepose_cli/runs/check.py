@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
-from dataclasses import dataclass
 from pathlib import Path
 
 from circlepose.errors import ArgumentError, UsageError
-from circlepose.evaluation.compare import CHANGE_MEANING, CandidateChoice, Comparison, Tolerance, compare
+from circlepose.evaluation.compare import CHANGE_MEANING, Comparison, Tolerance, compare
 from circlepose.io.inputs.images import STDIN
 from circlepose.io.output_conflicts import Outputs
 from circlepose.io.tables.reader import PoseFile, read_pose_file
 from circlepose.io.text.escaping import printable
 from circlepose.io.text.source import MAX_TABLE_BYTES, read_regular
-from circlepose_cli.options.declared import FormatChoice
+from circlepose_cli.options.requests import CheckRequest
 from circlepose_cli.output.destination import open_output
 from circlepose_cli.output.results import choose_format
 from circlepose_cli.reports.check import write_comparison
@@ -22,21 +21,7 @@ from circlepose_cli.reports.check import write_comparison
 OUTSIDE_TOLERANCE = 4
 
 
-@dataclass(frozen=True, slots=True)
-class Request:
-    """What the command line asks for."""
-
-    poses: str
-    against: Path
-    position_mm: float
-    normal_deg: float
-    candidate: CandidateChoice
-    update: bool
-    output_format: FormatChoice | None
-    quiet: bool
-
-
-def run(request: Request) -> int:
+def run(request: CheckRequest) -> int:
     """Compare, print what differs, and return the exit code."""
     tolerance = _tolerance(request)
     if request.update:
@@ -53,15 +38,15 @@ def run(request: Request) -> int:
     output_format = choose_format(request.output_format, None, to_terminal=sys.stdout.isatty(), of_estimate=False)
     write_comparison(comparison, tolerance, sys.stdout, output_format)
     for note in comparison.notes:
-        _tell(note, request)
-    _tell(_summary(comparison, tolerance), request)
+        _note(note, request)
+    _note(_summary(comparison, tolerance), request)
     if request.update:
         _update(measured, request)
         return 0
     return OUTSIDE_TOLERANCE if comparison.differences else 0
 
 
-def _tolerance(request: Request) -> Tolerance:
+def _tolerance(request: CheckRequest) -> Tolerance:
     try:
         return Tolerance(request.position_mm, request.normal_deg)
     except ArgumentError as error:
@@ -92,11 +77,11 @@ def _refuse_update(measured: PoseFile, reference: PoseFile) -> None:
         )
 
 
-def _update(measured: PoseFile, request: Request) -> None:
+def _update(measured: PoseFile, request: CheckRequest) -> None:
     # The baseline was read as a table of poses, whatever wrote it.
     with open_output(request.against, binary=True, overwrite=True) as handle:
         handle.write(measured.content)
-    _tell(f"{request.against}: now holds {_circles(len(measured.table.circles))} of {measured.name}", request)
+    _note(f"{request.against}: now holds {_circles(len(measured.table.circles))} of {measured.name}", request)
 
 
 def _summary(comparison: Comparison, tolerance: Tolerance) -> str:
@@ -122,6 +107,6 @@ def _circles(number: int) -> str:
     return f"{number} circle{'' if number == 1 else 's'}"
 
 
-def _tell(message: str, request: Request) -> None:
+def _note(message: str, request: CheckRequest) -> None:
     if not request.quiet:
         print(printable(message), file=sys.stderr)

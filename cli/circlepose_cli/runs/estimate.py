@@ -6,9 +6,8 @@ import sys
 from collections import Counter
 from collections.abc import Generator, Iterable, Iterator
 from contextlib import ExitStack, closing, nullcontext, suppress
-from dataclasses import dataclass
+from dataclasses import asdict
 from functools import partial
-from pathlib import Path
 
 from circlepose.batch.journal import Journal
 from circlepose.batch.measure import MeasureOptions, WorkItem, available_cores, measure_files
@@ -25,14 +24,8 @@ from circlepose_cli.console.interruption import EXIT_CODE as INTERRUPTED
 from circlepose_cli.console.interruption import Interruption
 from circlepose_cli.console.progress import Reporter, follow
 from circlepose_cli.console.stdin_lines import standard_input
-from circlepose_cli.options.declared import (
-    ExtractionChoice,
-    FormatChoice,
-    LayoutChoice,
-    MethodChoice,
-    StdinChoice,
-    TargetOverrides,
-)
+from circlepose_cli.options.declared import FormatChoice
+from circlepose_cli.options.requests import EstimateRequest
 from circlepose_cli.options.setup import Setup, Setups
 from circlepose_cli.output.destination import Unfinished, open_journal, open_output, output_place
 from circlepose_cli.output.overlay_names import OverlayNames
@@ -42,45 +35,13 @@ SOME_FAILED = 3
 BUG = 1
 
 
-@dataclass(frozen=True, slots=True)
-class Request:
-    """What the command line asks for."""
-
-    inputs: tuple[str, ...]
-    stdin: StdinChoice
-    nul: bool
-    recursive: bool
-    calib: Path | None
-    camera_name: str | None
-    target_file: Path | None
-    radius_mm: float | None
-    overrides: TargetOverrides
-    method: MethodChoice
-    refine: bool
-    extraction: ExtractionChoice
-    scale_calibration: bool
-    force_calibration: bool
-    output_format: FormatChoice | None
-    layout: LayoutChoice
-    reference: Path | None
-    output: str | None
-    overlay: Path | None
-    overwrite: bool
-    jobs: int | None
-    cluster: str | None
-    timeout_s: float | None
-    resume: bool
-    quiet: bool
-    verbose: bool
-
-
-def run(request: Request) -> int:
+def run(request: EstimateRequest) -> int:
     """Measure all images that are asked for and return the exit code."""
     with ExitStack() as held:
         return _run(request, held)
 
 
-def _run(request: Request, held: ExitStack) -> int:
+def _run(request: EstimateRequest, held: ExitStack) -> int:
     if request.cluster is not None and request.jobs is not None:
         raise UsageError("--jobs, --cluster: give one of them; how many measure is the cluster's affair.")
     output = output_place(request.output)
@@ -90,13 +51,9 @@ def _run(request: Request, held: ExitStack) -> int:
     outputs = Outputs([output])
     reporter = Reporter(quiet=request.quiet, verbose=request.verbose)
     setups = Setups(
-        calib=request.calib,
-        camera_name=request.camera_name,
-        target_file=request.target_file,
-        radius_mm=request.radius_mm,
-        overrides=request.overrides,
-        force_calibration=request.force_calibration,
-        tell=lambda folder, setup: _accept_setup(reporter, outputs, folder, setup, request.method),
+        request.known,
+        lambda folder, setup: _accept_setup(reporter, outputs, folder, setup, request.method),
+        force_calibration=request.stages.force_calibration,
     )
     reference = _reference(request)
     outputs.refuse(request.reference, "the reference")
@@ -115,13 +72,7 @@ def _run(request: Request, held: ExitStack) -> int:
     if overlays is not None:
         _refuse_pictures(overlays, output, request, images if total else (), setups)
     items = _work_items(images, setups, overlays, overwrite=request.overwrite)
-    options = MeasureOptions(
-        request.method.value,
-        request.refine,
-        request.scale_calibration,
-        request.extraction.value,
-        request.force_calibration,
-    )
+    options = MeasureOptions(request.method, **asdict(request.stages))
     # Rows that go to the terminal one by one would tear a bar.
     shows_bar = not (to_terminal and output_format is not FormatChoice.TABLE)
     with (
@@ -152,8 +103,8 @@ def _run(request: Request, held: ExitStack) -> int:
         total,
         interrupted=interruption.received,
         resumable=journal is not None and not is_done,
-        counted=request.overrides.count is not None,
-        coplanar=bool(request.overrides.coplanar),
+        counted=request.known.count is not None,
+        coplanar=bool(request.known.coplanar),
     )
     if interruption.received:
         return INTERRUPTED
@@ -165,7 +116,7 @@ def _run(request: Request, held: ExitStack) -> int:
 def _measured(
     items: Iterable[WorkItem],
     options: MeasureOptions,
-    request: Request,
+    request: EstimateRequest,
     reporter: Reporter,
     journal: Journal | None,
     total: int | None,
@@ -176,17 +127,19 @@ def _measured(
     if request.cluster is not None:
         from circlepose.batch.cluster.run import measure_on_cluster  # noqa: PLC0415 - few ask for it
 
-        measure = partial(measure_on_cluster, address=request.cluster, tell=reporter.note)
-    measure = partial(measure, options=options, timeout_s=request.timeout_s, on_bug=reporter.bug)
+        measure = partial(measure_on_cluster, address=request.cluster, on_note=reporter.note)
+    measure = partial(measure, options=options, timeout_s=request.timeout, on_bug=reporter.bug)
     return measure(items) if journal is None else measure_with_journal(items, journal, measure, reporter.note)
 
 
 def _images(
-    request: Request, setups: Setups, outputs: Outputs, skipped: Counter[str], held: ExitStack
+    request: EstimateRequest, setups: Setups, outputs: Outputs, skipped: Counter[str], held: ExitStack
 ) -> tuple[Iterable[InputImage], int | None]:
     """Return the images and, unless they come as a stream, their number, once all have a setup."""
     stdin = (
-        standard_input(sys.stdin.buffer, request.stdin, held, nul=request.nul, has_camera=request.calib is not None)
+        standard_input(
+            sys.stdin.buffer, request.stdin, held, nul=request.nul, has_camera=request.known.calib is not None
+        )
         if sys.stdin
         else None
     )
@@ -200,7 +153,11 @@ def _images(
 
 
 def _refuse_pictures(
-    overlays: OverlayNames, output: Place | None, request: Request, images: Iterable[InputImage], setups: Setups
+    overlays: OverlayNames,
+    output: Place | None,
+    request: EstimateRequest,
+    images: Iterable[InputImage],
+    setups: Setups,
 ) -> None:
     """Raise `UsageError` where a picture would be written over a file that is read, or over the table."""
     pictures = Outputs(overlays.replaced)
@@ -220,15 +177,15 @@ def _guarded(images: Iterable[InputImage], outputs: Outputs) -> Iterator[InputIm
         yield image
 
 
-def _reference(request: Request) -> Reference | None:
+def _reference(request: EstimateRequest) -> Reference | None:
     if request.reference is None:
         return None
-    if request.layout is not LayoutChoice.TABLE2:
+    if request.layout != "table2":
         raise UsageError("--reference: goes with --layout table2; circlepose check compares whole tables.")
     return read_reference(request.reference)
 
 
-def _check_reference(reference: Reference, request: Request, images: Iterable[InputImage]) -> None:
+def _check_reference(reference: Reference, request: EstimateRequest, images: Iterable[InputImage]) -> None:
     names = [image.name for image in images]
     if not any(reference.knows(name) for name in names):
         ours, theirs = names[0], next(iter(reference.by_image), "none")
@@ -246,20 +203,20 @@ def _work_items(
         yield WorkItem(image.path, image.name, setup.camera_file.camera, setup.target, overlay, overwrite)
 
 
-def _check_form(output_format: FormatChoice, request: Request) -> None:
+def _check_form(output_format: FormatChoice, request: EstimateRequest) -> None:
     if output_format is FormatChoice.PARQUET:
         from circlepose.io.tables.parquet import require_parquet  # noqa: PLC0415 - few ask for it
 
-        if request.layout is not LayoutChoice.POSES:
+        if request.layout != "poses":
             raise UsageError("--format parquet: goes with --layout poses.")
         require_parquet()
 
 
-def _accept_setup(reporter: Reporter, outputs: Outputs, folder: Place, setup: Setup, method: MethodChoice) -> None:
+def _accept_setup(reporter: Reporter, outputs: Outputs, folder: Place, setup: Setup, method: str) -> None:
     outputs.refuse(setup.camera_file.path, "the calibration")
     outputs.refuse(setup.target_path, "the target")
     try:
-        methods_for(setup.target.kind, method.value)
+        methods_for(setup.target.kind, method)
     except ArgumentError as error:
         raise UsageError(f"{setup.target_origin}: --{error}") from None
     for note in setup.notes:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import asdict, replace
 
 from circlepose.diagnostics.explain import explain
 from circlepose.errors import UsageError
@@ -14,64 +13,32 @@ from circlepose.io.output_conflicts import Outputs
 from circlepose.io.tables import json_records
 from circlepose.io.text.escaping import printable
 from circlepose.results import Status
-from circlepose_cli.options.declared import ExtractionChoice, ReportFormat, TargetOverrides
-from circlepose_cli.options.names import with_options_named
+from circlepose_cli.options.declared import ReportFormat
+from circlepose_cli.options.parse import with_options_named
+from circlepose_cli.options.requests import ExplainRequest
 from circlepose_cli.options.setup import Setup, Setups
 from circlepose_cli.output.destination import open_output
-from circlepose_cli.reports.explain import report_record, report_text
+from circlepose_cli.reports.explain.record import report_record
+from circlepose_cli.reports.explain.text import report_text
 
 FAILED = 3
 
 
-@dataclass(frozen=True, slots=True)
-class Request:
-    """What the command line asks for."""
-
-    image: str
-    calib: Path | None
-    camera_name: str | None
-    target_file: Path | None
-    radius_mm: float | None
-    overrides: TargetOverrides
-    refine: bool
-    extraction: ExtractionChoice
-    scale_calibration: bool
-    force_calibration: bool
-    picture: Path | None
-    overwrite: bool
-    report_format: ReportFormat
-    quiet: bool
-
-
-def run(request: Request) -> int:
+def run(request: ExplainRequest) -> int:
     """Explain the image that is asked for and return the exit code."""
     image = _one_image(request.image)
-    setups = Setups(
-        calib=request.calib,
-        camera_name=request.camera_name,
-        target_file=request.target_file,
-        radius_mm=request.radius_mm,
-        overrides=request.overrides,
-        force_calibration=request.force_calibration,
-        tell=lambda _, setup: _tell(request, setup),
-    )
-    setup = setups.for_image(image.path)
+    setup = Setups(
+        request.known,
+        lambda _, setup: _print_notes(request, setup),
+        force_calibration=request.stages.force_calibration,
+    ).for_image(image.path)
     outputs = Outputs([request.picture])
     outputs.refuse(image.path, "the image to explain")
     outputs.refuse(setup.camera_file.path, "the calibration")
     outputs.refuse(setup.target_path, "the target")
     camera = setup.camera_file.camera
     pixels = read_image(image.path)
-    explanation = explain(
-        pixels,
-        camera,
-        setup.target,
-        refine=request.refine,
-        extraction=request.extraction.value,
-        scale_calibration=request.scale_calibration,
-        force_calibration=request.force_calibration,
-        name=image.name,
-    )
+    explanation = explain(pixels, camera, setup.target, **asdict(request.stages), name=image.name)
     explanation = replace(explanation, result=with_options_named(explanation.result))
     if request.picture is not None:
         from circlepose.drawing.explanation import draw_explanation  # noqa: PLC0415 - drawing is rarely asked for
@@ -97,7 +64,7 @@ def _one_image(typed: str) -> InputImage:
     return first
 
 
-def _tell(request: Request, setup: Setup) -> None:
+def _print_notes(request: ExplainRequest, setup: Setup) -> None:
     if request.quiet:
         return
     for note in setup.notes:

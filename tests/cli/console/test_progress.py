@@ -10,8 +10,7 @@ import pytest
 
 from circlepose.detection.contour import Rejection
 from circlepose.results import Flag, ImageResult, Status
-from circlepose_cli.console.pace import Pace, duration
-from circlepose_cli.console.progress import Reporter
+from circlepose_cli.console.progress import Pace, Reporter, duration
 from circlepose_cli.console.stdin_lines import standard_input
 from circlepose_cli.options.declared import StdinChoice
 from tests.support.discs import made_circle, made_result

@@ -11,8 +11,9 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from circlepose import pipeline
+from circlepose.io.tables import LAYOUTS
 from circlepose.io.tables.lossless import plain_result, restored_result
-from circlepose.io.tables.paper_layouts import LAYOUTS, write_results
+from circlepose.io.tables.paper_layouts import write_results
 from circlepose.results import Candidate, ImageResult, Status
 from circlepose.targets.target import Target
 from tests.support.discs import CAMERA, RADIUS_MM, disc_image, made_circle, made_result

@@ -1,0 +1,146 @@
+"""The options on camera and target, as `estimate` and `explain` have them; what they change is in `setup`.
+
+Nothing here may import NumPy, SciPy or OpenCV: `--help` has to be there at once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from circlepose.detection import EXTRACTIONS, Extraction
+from circlepose.targets import Direction, Side
+from circlepose_cli.options import declared, parse
+from circlepose_cli.options.groups import Parsed
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CameraTargetOptions:
+    """Which camera and which target hold; None leaves it to the files.
+
+    A field with the name of a field of `Target` replaces that one.
+    """
+
+    calib: Annotated[
+        Path | None,
+        typer.Option(
+            "--calib",
+            metavar="FILE",
+            help="Calibration: OpenCV YAML/XML/JSON, ROS camera_info, Kalibr camchain or our own YAML. "
+            "Default: the camera.yaml beside each image.",
+        ),
+    ] = None
+    camera_name: declared.CameraName = None
+    target_file: Annotated[
+        Path | None,
+        typer.Option(
+            "--target",
+            metavar="FILE",
+            help="Target file. Default: the target.yaml beside each image, else target: in the calibration file.",
+        ),
+    ] = None
+    radius_mm: Annotated[
+        float | None,
+        typer.Option(
+            "--radius-mm",
+            metavar="R",
+            parser=parse.number_of_mm,
+            help="Look for one circle of this radius in mm (not its diameter).",
+        ),
+    ] = None
+    radius_sigma_mm: Annotated[
+        float | None,
+        typer.Option(
+            "--radius-sigma-mm",
+            metavar="MM",
+            parser=parse.number_of_mm,
+            help="How well the radius is known: its standard deviation.",
+        ),
+    ] = None
+    camera_sigma: Annotated[
+        tuple[float, float] | None,
+        typer.Option(
+            "--camera-sigma",
+            metavar="FOCAL_PX,CENTER_PX",
+            help="How well the camera is known: standard deviations of its focal length and principal point, in px.",
+        ),
+        Parsed(parse.camera_sigma),
+    ] = None
+    count: Annotated[
+        int | Literal["all"] | None,
+        typer.Option(
+            "--count", metavar="N|all", help="Targets in each image. Default: what the target says, else 1."
+        ),
+        Parsed(parse.count),
+    ] = None
+    polarity: declared.Polarity = None
+    depth_range_mm: Annotated[
+        parse.Interval | None,
+        typer.Option(
+            "--depth-range-mm", metavar="NEAR:FAR", help="Accept only circles whose centre is so deep (z), in mm."
+        ),
+        Parsed(parse.interval),
+    ] = None
+    major_px: declared.MajorPx = None
+    minor_px: declared.MinorPx = None
+    coplanar: Annotated[
+        bool | None,
+        typer.Option(
+            "--coplanar/--no-coplanar",
+            help="Whether all circles of an image lie in one plane, which helps to choose the pose.",
+        ),
+    ] = None
+    normal: Annotated[
+        Direction | None,
+        typer.Option(
+            "--normal", metavar="X,Y,Z", help="Roughly where the circles' normals point, in the camera frame: a hint."
+        ),
+        Parsed(parse.direction),
+    ] = None
+    normal_spread_deg: Annotated[
+        float | None,
+        typer.Option(
+            "--normal-spread-deg", metavar="DEG", help="How rough --normal is; 20 unless the target says so."
+        ),
+    ] = None
+    up: Annotated[
+        Direction | None,
+        typer.Option("--up", metavar="X,Y,Z", help="The surfaces are horizontal, and this is the vertical: a hint."),
+        Parsed(parse.direction),
+    ] = None
+    up_spread_deg: Annotated[
+        float | None,
+        typer.Option("--up-spread-deg", metavar="DEG", help="How rough --up is; 10 unless the target says so."),
+    ] = None
+    facing: Annotated[
+        Side | Direction | None,
+        typer.Option(
+            "--facing", metavar="SIDE", help="Side that the surfaces face: left, right, up, down or X,Y,Z; a hint."
+        ),
+        Parsed(parse.facing),
+    ] = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StageOptions:
+    """How an image is measured, whatever the method."""
+
+    refine: Annotated[
+        bool,
+        typer.Option("--refine/--no-refine", help="Place the edges again along the predicted rim, and fit them."),
+    ] = True
+    extraction: Annotated[
+        Extraction,
+        typer.Option("--extraction", help="Where contours start from: connected edges, or region borders on edges."),
+    ] = EXTRACTIONS[0]
+    scale_calibration: Annotated[
+        bool,
+        typer.Option("--scale-calib", help="Take images of another size than the calibration's as resized ones."),
+    ] = False
+    force_calibration: Annotated[
+        bool,
+        typer.Option("--force-calib", help="Use a calibration that looks wrong, as it stands."),
+    ] = False

@@ -1,0 +1,177 @@
+"""What each of the larger commands is asked for: its options, declared, and the values that `runs` works with.
+
+Nothing here may import NumPy, SciPy or OpenCV: `--help` has to be there at once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from circlepose.evaluation import CandidateChoice
+from circlepose.io.tables import Layout
+from circlepose.solvers import Method
+from circlepose_cli.options import declared, parse
+from circlepose_cli.options.camera_target import CameraTargetOptions, StageOptions
+from circlepose_cli.options.declared import ReportFormat, StdinChoice
+from circlepose_cli.options.groups import Parsed
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EstimateRequest:
+    """Options of `circlepose estimate`."""
+
+    inputs: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="INPUT...",
+            help="Images, folders, globs, URLs of these, or - for standard input (paths, one a line, or one image).",
+            show_default=False,
+        ),
+    ]
+    stdin: Annotated[
+        StdinChoice,
+        typer.Option("--stdin", help="What - stands for: paths, or one image. Default: by its first bytes."),
+    ] = StdinChoice.AUTO
+    nul: Annotated[
+        bool, typer.Option("-0", "--null", help="Paths on standard input end with NUL, as of find -print0.")
+    ] = False
+    known: CameraTargetOptions
+    method: Annotated[
+        Literal[Method, "all"],
+        typer.Option("--method", help="How the candidate poses are computed; all compares them."),
+    ] = "chen-huang"
+    stages: StageOptions
+    recursive: Annotated[bool, typer.Option("--recursive", "-r", help="Take the images in subfolders too.")] = False
+    output_format: declared.Format = None
+    layout: Annotated[
+        Layout,
+        typer.Option(
+            "--layout", help="Rows: all candidate poses, Table I of Chen & Huang, or Tables 1, 2 of Fu & Zhou."
+        ),
+    ] = "poses"
+    reference: Annotated[
+        Path | None,
+        typer.Option(
+            "--reference", metavar="FILE", help="With --layout table2: truth or poses, to print beside, with errors."
+        ),
+    ] = None
+    output: Annotated[
+        str | None,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="FILE",
+            help="Write there (a URL, too), whole or not at all; .csv, .tsv, .json, .jsonl (each also .gz) or "
+            ".parquet.",
+        ),
+    ] = None
+    overlay: Annotated[
+        Path | None, typer.Option("--overlay", metavar="DIR", help="Draw each result over its image, as PNG in DIR.")
+    ] = None
+    overwrite: declared.Overwrite = False
+    jobs: Annotated[
+        int | None,
+        typer.Option("--jobs", metavar="N", min=1, help="Worker processes. Default: one a core, for many images."),
+    ] = None
+    cluster: Annotated[
+        str | None,
+        typer.Option(
+            "--cluster", metavar="ADDRESS", help="Measure on the cluster of this dask scheduler: tcp://host:8786."
+        ),
+    ] = None
+    timeout: Annotated[
+        float | None,
+        typer.Option(
+            "--timeout",
+            metavar="SECONDS",
+            help="Give an image up after so long, and go on with the next. Default: 120.",
+            show_default=False,
+        ),
+        Parsed(parse.positive_seconds, typed=float),
+    ] = None
+    resume: Annotated[
+        bool,
+        typer.Option("--resume", help="Go on with a run that did not come to its end: needs its -o FILE."),
+    ] = False
+    quiet: declared.Quiet = False
+    verbose: declared.Verbose = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExplainRequest:
+    """Options of `circlepose explain`."""
+
+    image: Annotated[str, typer.Argument(metavar="IMAGE", help="One image, or the URL of one.", show_default=False)]
+    known: CameraTargetOptions
+    stages: StageOptions
+    picture: Annotated[
+        Path | None,
+        typer.Option(
+            "--picture",
+            metavar="FILE",
+            help="Draw the band around each rim, its residuals and the profile across the edge, as PNG.",
+        ),
+    ] = None
+    report_format: declared.Report = ReportFormat.TEXT
+    overwrite: declared.Overwrite = False
+    quiet: declared.Quiet = False
+    verbose: declared.Verbose = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InspectRequest:
+    """Options of `circlepose inspect`."""
+
+    image: Annotated[Path, typer.Argument(metavar="IMAGE", help="Photograph to look at.", show_default=False)]
+    picture: Annotated[
+        Path | None,
+        typer.Option(
+            "--picture", metavar="FILE", help="Draw there what is kept, in green, and what is refused, in red."
+        ),
+    ] = None
+    polarity: declared.Polarity = None
+    major_px: declared.MajorPx = None
+    minor_px: declared.MinorPx = None
+    rings: Annotated[
+        bool, typer.Option("--rings", help="Keep circles within others of the same centre, as of ring targets.")
+    ] = False
+    report_format: declared.Report = ReportFormat.TEXT
+    overwrite: declared.Overwrite = False
+    verbose: declared.Verbose = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CheckRequest:
+    """Options of `circlepose check`."""
+
+    poses: Annotated[
+        str,
+        typer.Argument(metavar="POSES", help="Table made by estimate, or - for standard input.", show_default=False),
+    ]
+    against: Annotated[
+        Path,
+        typer.Option("--against", metavar="FILE", help="A table made by estimate before, or a truth as CSV."),
+    ]
+    position_mm: Annotated[
+        float, typer.Option("--position-mm", metavar="MM", help="How far a centre may be from its reference.")
+    ] = 0.5
+    normal_deg: Annotated[
+        float, typer.Option("--normal-deg", metavar="DEG", help="How far a normal may be from its reference.")
+    ] = 0.1
+    candidate: Annotated[
+        CandidateChoice,
+        typer.Option("--candidate", help="Compare the chosen candidate, or that nearest to the reference."),
+    ] = "chosen"
+    update: Annotated[
+        bool, typer.Option("--update", help="Make POSES the baseline, whatever moved; a truth is refused.")
+    ] = False
+    output_format: Annotated[
+        declared.FormatChoice | None,
+        typer.Option("--format", help="Default: table on a terminal, csv in a pipe."),
+    ] = None
+    quiet: declared.Quiet = False
+    verbose: declared.Verbose = False

@@ -1,0 +1,1 @@
+"""The report on one image: as text, and as JSON."""
