@@ -108,16 +108,13 @@ def find_contours(
             if not tiles.any():
                 break
         has_length = intervals.major_px is not None
-        rough, passed_over = rough_ellipses(
-            images[level], scale, intervals, known, extraction, tiles, lines=has_length
-        )
+        rough = rough_ellipses(images[level], scale, intervals, known, rejected, extraction, tiles, lines=has_length)
         if has_length:
             are_lines = are_thin(rough)
             if level < _SLIVER_LEVELS:
                 thin.append(rough[are_lines])
             rough = rough[~are_lines]
-        new, refuted = _verified(levels, rough, _REACH_PX + _REACH_PER_SCALE * scale)
-        rejected = rejected + passed_over + refuted
+        new = _verified(levels, rough, _REACH_PX + _REACH_PER_SCALE * scale, rejected)
         if new is not None:
             found = new if found is None else joined([found, new])
             kept, reasons = select(found)
@@ -130,19 +127,19 @@ def find_contours(
         if hidden:
             found = joined([found, Candidates.of_partial(hidden)])
             kept, reasons = select(found)
+        rejected.update(reasons.values())
     contours = [found.contour(i) for i in kept] if found is not None else []
     least = int(not keep_concentric) if enough is None else enough
     if slivers_wanted or len(contours) < least:
         if intervals.major_px is None:
             thin = _lines(images, intervals, _NONE if found is None else found.ellipse[kept], extraction)
         lines = without_repeats(joined(thin[::-1]), 1.0) if thin else _NONE
-        slivers, not_slivers = find_slivers(levels, lines, intervals, polarity)
-        rejected = rejected + not_slivers
+        slivers = find_slivers(levels, lines, intervals, polarity, rejected)
         contours = [*slivers, *(c for c in contours if not any(same(c.ellipse, s.ellipse) for s in slivers))]
     refused = _NONE if found is None else found.ellipse[list(reasons)]
     return Extraction(
         contours=tuple(sorted(contours, key=lambda c: -c.evidence)),
-        rejected=rejected + Counter(reasons.values()),
+        rejected=rejected,
         refused=refused,
         refused_why=tuple(reasons.values()),
         is_complete=level == 0,
@@ -153,7 +150,7 @@ def _lines(images: list[Image], intervals: AxisIntervals, known: Ellipse, extrac
     """Return what in `images`, from full size on, may be part of a circle seen edge-on, beside the rims `known`."""
     thin = []
     for level in reversed(range(min(_SLIVER_LEVELS, len(images)))):
-        rough, _ = rough_ellipses(images[level], 2.0**level, intervals, known, extraction, lines=True)
+        rough = rough_ellipses(images[level], 2.0**level, intervals, known, Counter(), extraction, lines=True)
         thin.append(rough[rough.semi_minor < np.minimum(THIN_PX, _LINE_RATIO * rough.semi_major)])
     return thin
 
@@ -169,16 +166,12 @@ def _settled(found: Candidates, reasons: dict[int, Rejection]) -> BoolArray:
 _NONE = Ellipse(np.empty((0, 2)), np.empty(0), np.empty(0), np.empty(0))
 
 
-def _verified(levels: Image, rough: Ellipse, reach_px: float) -> tuple[Candidates | None, Counter[Rejection]]:
-    """Locate edges along rough ellipses and move these there, twice.
-
-    Returns those that have edges, and how many do not, by reason.
-    """
-    rejected: Counter[Rejection] = Counter()
+def _verified(levels: Image, rough: Ellipse, reach_px: float, rejected: Counter[Rejection]) -> Candidates | None:
+    """Place edges along rough ellipses and move these there, twice; returns those that have edges."""
     passes = ((reach_px, _PLACES if len(rough) <= _FEW else _FIRST_PLACES), (_LAST_REACH_PX, _PLACES))
     for last, (reach, places) in enumerate(passes):
         if len(rough) == 0:
-            return None, rejected
+            return None
         edges, moved, left = in_parts(partial(_moved_to_edges, levels, reach, places), rough)
         on_it = edges.valid & (np.abs(left) <= np.maximum(_NEAR_PX, _NEAR_SHARE * moved.semi_major)[:, None])
         least = np.where(moved.semi_major < _SMALL_PX, _LEAST_SMALL, _LEAST_EDGES)
@@ -198,7 +191,7 @@ def _verified(levels: Image, rough: Ellipse, reach_px: float) -> tuple[Candidate
         if places == _PLACES and np.all(np.abs(edges.offset_px[edges.valid]) < _AT_ONCE_PX):
             # So close that the edges would be found in the same places again.
             break
-    return Candidates.of(rough, edges) if len(rough) else None, rejected
+    return Candidates.of(rough, edges) if len(rough) else None
 
 
 def _moved_to_edges(

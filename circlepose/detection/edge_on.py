@@ -52,14 +52,10 @@ _MOST_STRUCTURE = 1.6
 
 
 def find_slivers(
-    levels: Image, rough: Ellipse, intervals: AxisIntervals, polarity: Polarity
-) -> tuple[list[Contour], Counter[Rejection]]:
-    """Fit the thin ellipses of the batch `rough` to `levels` (h, w).
-
-    Returns those that hold, most evidence first, and how many do not, by reason.
-    """
+    levels: Image, rough: Ellipse, intervals: AxisIntervals, polarity: Polarity, rejected: Counter[Rejection]
+) -> list[Contour]:
+    """Fit the thin ellipses of the batch `rough` to `levels` (h, w); return those that hold, most evidence first."""
     found: list[Contour] = []
-    rejected: Counter[Rejection] = Counter()
     for i in np.argsort(-rough.semi_major, kind="stable")[:_MOST]:
         if any(_lies_on(rough[i], other.ellipse) for other in found):
             rejected[Rejection.DUPLICATE] += 1
@@ -70,7 +66,7 @@ def find_slivers(
             found.append(contour)
         elif reason is not None:
             rejected[reason] += 1
-    return sorted(found, key=lambda contour: -contour.evidence), rejected
+    return sorted(found, key=lambda contour: -contour.evidence)
 
 
 def _sliver(levels: Image, rough: Ellipse, intervals: AxisIntervals) -> Contour | Rejection:

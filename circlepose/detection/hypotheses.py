@@ -63,15 +63,16 @@ def rough_ellipses(
     scale: float,
     intervals: AxisIntervals,
     known: Ellipse,
+    rejected: Counter[Rejection],
     extraction: str = EXTRACTIONS[0],
     tiles: BoolArray | None = None,
     *,
     lines: bool = False,
-) -> tuple[Ellipse, Counter[Rejection]]:
+) -> Ellipse:
     """Return the ellipses (batch, full-size px) that edge chains of `image`, reduced by `scale`, suggest.
 
     With `tiles`, see `unexplained`, edges are looked for only there. Chains along the rims `known` (batch, full-size
-    px) suggest nothing new. Also returns how many chains were passed over, by reason. With `lines` also straight ones
+    px) suggest nothing new. Chains passed over are counted in `rejected`. With `lines` also straight ones
     count, which may be a side of a circle seen edge-on.
     """
     is_coincidence = extraction == "coincidence"
@@ -79,7 +80,7 @@ def rough_ellipses(
     extents = chains.extents()
     shortest, longest = _extents(intervals, scale, image)
     large = extents >= shortest
-    rejected = Counter({Rejection.TOO_SHORT: int(np.count_nonzero(~large))})
+    rejected[Rejection.TOO_SHORT] += int(np.count_nonzero(~large))
     on_known = rims_drawn(known, scale, image)
     if on_known is not None and len(chains):
         explained = chains.shares(on_known[chains.points[:, 1], chains.points[:, 0]]) >= _EXPLAINED
@@ -104,7 +105,7 @@ def rough_ellipses(
     minor_ok = _within(2.0 * found.semi_minor, intervals.minor_px, scale)
     rejected[Rejection.MAJOR_AXIS] += int(np.count_nonzero(~major_ok))
     rejected[Rejection.MINOR_AXIS] += int(np.count_nonzero(major_ok & ~minor_ok))
-    return found[major_ok & minor_ok], rejected
+    return found[major_ok & minor_ok]
 
 
 def _extents(intervals: AxisIntervals, scale: float, image: Image) -> tuple[float, float]:
