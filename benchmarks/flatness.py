@@ -25,7 +25,7 @@ from circlepose.camera.camera import Camera, circle_contour
 from circlepose.fitting.cone_fit import ConeFit
 from circlepose.geometry.cone import factor_from_circle, plane_basis, principal_frame
 from circlepose.geometry.cone_perturbation import grown, mode_shapes
-from circlepose.measurement.edge_fit import Rim, rim_from_fit
+from circlepose.measurement.rim import EdgeRim, FittedRim, Rim, modes_covariance, rim_from_fit
 from circlepose.results import CircleResult, Flag
 from circlepose.rings.evidence import from_levels
 from circlepose.rings.joint_pose import AxisPose, JointPose, RingProblem
@@ -92,9 +92,9 @@ def rims_of(view: View, generator: np.random.Generator | None, edge_px: float = 
             factor = grown(factor, np.linalg.cholesky(covariance) @ generator.normal(size=5))
         pixels = CAMERA.project((factor @ np.stack([*_unit_circle(), np.ones(PLACES)])).T)
         rim = rim_from_fit(CAMERA, ConeFit(factor, np.full(PLACES, edge_px)), pixels)
-        assert rim is not None
+        assert isinstance(rim, EdgeRim)
         rims.append(
-            Rim(
+            FittedRim(
                 rim.cone,
                 pixels,
                 rim.ellipse,
@@ -102,8 +102,6 @@ def rims_of(view: View, generator: np.random.Generator | None, edge_px: float = 
                 1,
                 axis_error_px=edge_px / float(np.sqrt(edges / 4.0)),
                 modes_covariance=covariance,
-                is_placed=True,
-                score=1.0,
             )
         )
     return rims
@@ -195,7 +193,7 @@ def flips_at(radii: tuple[float, float], distance: float, tilt: float) -> float:
         rims = rims_of(View(distance * ray, normal, radii, -depth), None)
         problem = RingProblem(
             tuple(
-                from_levels(rim.cone.factor, radius, np.asarray(rim.modes_covariance))
+                from_levels(rim.cone.factor, radius, np.asarray(modes_covariance(rim)))
                 for rim, radius in zip(rims, radii, strict=True)
             )
         )

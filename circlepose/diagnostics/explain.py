@@ -1,44 +1,49 @@
-"""One image, stage by stage: what was found and left out, and what each circle's pose rests on."""
+"""One image, stage by stage: what was found, what was left out, and what the pose of each circle is based on."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from circlepose._typing import FloatArray, Image
+from circlepose._typing import BoolArray, FloatArray, Image
 from circlepose.camera.camera import Camera
 from circlepose.detection import EXTRACTIONS
-from circlepose.detection.axis_intervals import axis_intervals
 from circlepose.detection.contour import Contour
-from circlepose.detection.detect import find_contours
-from circlepose.diagnostics.residuals import LevelResiduals, level_residuals
+from circlepose.diagnostics.residuals import LevelResiduals, level_residuals, residuals_of_fit
 from circlepose.geometry.cone import factor_from_circle
-from circlepose.geometry.ellipse import Ellipse, signed_distance
-from circlepose.imaging.float_levels import without_gaps
-from circlepose.imaging.gray import to_grey
-from circlepose.measurement.edge_fit import Rim, fit_rim
-from circlepose.pipeline import estimate
-from circlepose.results import CircleResult, ImageResult, Status
+from circlepose.geometry.ellipse import Ellipse
+from circlepose.measurement.rim import EdgeRim, Rim
+from circlepose.pipeline import ESTIMATE_OPTIONS, EstimateOptions, Trace, estimate_with_trace
+from circlepose.results import CircleResult, ImageResult
 from circlepose.targets.target import Target
 
-_SAME_PX = 3.0
-_LEAST_OUT = 2
-"""Pixels of a stretch that have to be left out for it to count as left out."""
+_LEAST_LEFT_OUT = 2
+"""Pixels of a segment that must be left out for the segment to count as left out."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ExplainedCircle:
-    """What the pose of one circle rests on; each stage None where it was not gone through, or not by this rim."""
+    """What the pose of one circle is based on."""
 
     result: CircleResult
-    contour: Contour | None
-    """from which it was started"""
-    edges: Rim | None
-    """the edges placed along the rim, before any level was fitted"""
+    rim: Rim
+    """the rim that the pose was solved from"""
+    start: Rim
+    """the rim at which the fit to the gray levels began"""
     levels: LevelResiduals | None
-    """around the rim of the chosen pose"""
+    """around the rim of the chosen pose; None where next to no pixel counts, or there is no pose"""
+
+    @property
+    def contour(self) -> Contour | None:
+        """The contour that was measured; None where the rim was sought at a predicted place."""
+        return self.rim.contour
+
+    @property
+    def edges(self) -> Rim:
+        """The rim by its edges, before its levels were fitted; a thin rim has none, and was fitted as a whole."""
+        return self.rim if isinstance(self.rim, EdgeRim) else self.start
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,11 +53,11 @@ class Explanation:
     result: ImageResult
     """as `estimate` returns it"""
     contours: int
-    """how many were worth a pose"""
+    """how many detection kept"""
     circles: tuple[ExplainedCircle, ...]
-    """those with an image, in the order of the result"""
+    """in the order of the result"""
     refine: bool
-    """whether edges were placed again and levels fitted"""
+    """whether the rims were fitted to the gray levels"""
 
     @property
     def rejected(self) -> Mapping[str, int]:
@@ -71,12 +76,26 @@ def explain(
     scale_calibration: bool = False,
     force_calibration: bool = False,
     name: str = "",
+    options: EstimateOptions = ESTIMATE_OPTIONS,
 ) -> Explanation:
-    """Measure one image as `circlepose.estimate` does, and look at each stage again.
+    """Measure one image as `circlepose.estimate` does, and return what its stages handed on.
 
-    Parameters and errors are those of `estimate`, of whose `method` one is taken.
+    Parameters
+    ----------
+    image, camera, target, method, refine, extraction, scale_calibration, force_calibration, name, options
+        As for `circlepose.estimate`.
+
+    Returns
+    -------
+    The result of the estimate, and for each circle its contour, edges, gray levels and what was left out; lengths in
+    px of the raw image. Without `refine` the levels are fitted only to be compared with the pose.
+
+    Raises
+    ------
+    ArgumentError
+        As `circlepose.estimate`.
     """
-    result = estimate(
+    result, trace = estimate_with_trace(
         image,
         camera,
         target,
@@ -86,24 +105,31 @@ def explain(
         scale_calibration=scale_calibration,
         force_calibration=force_calibration,
         name=name,
+        options=options,
     )
-    if result.status is Status.SIZE_MISMATCH:
-        return Explanation(result, 0, (), refine)
-    camera = camera_of(result, camera)
-    measured = to_grey(image)
-    grey = without_gaps(measured)
-    contours = _contours(grey, camera, target, extraction)
-    seen = [circle for circle in result.circles if circle.ellipse is not None]
-    ellipses = [circle.ellipse for circle in seen if circle.ellipse is not None]
-    posed = [number for number, circle in enumerate(seen) if circle.candidates]
-    evaluated = level_residuals(measured, camera, [ellipses[i] for i in posed], [_factor(seen[i]) for i in posed])
-    levels = dict(zip(posed, evaluated, strict=True))
-    circles = []
-    for number, (circle, ellipse) in enumerate(zip(seen, ellipses, strict=True)):
-        contour = _nearest(contours, ellipse)
-        edges = None if contour is None else fit_rim(grey, camera, contour, refine=refine)
-        circles.append(ExplainedCircle(circle, contour, edges, levels.get(number)))
-    return Explanation(result, len(contours), tuple(circles), refine)
+    numbers = [(circle, number) for circle in result.circles if (number := trace.number_of(circle)) is not None]
+    residuals = _residuals([circle for circle, _ in numbers], [number for _, number in numbers], trace)
+    circles = tuple(
+        ExplainedCircle(circle, trace.rims[number], trace.starts[number], levels)
+        for (circle, number), levels in zip(numbers, residuals, strict=True)
+    )
+    return Explanation(result, len(trace.contours), circles, refine)
+
+
+def _residuals(circles: list[CircleResult], numbers: list[int], trace: Trace) -> list[LevelResiduals | None]:
+    """Return the residuals of each circle about its chosen pose, by the fit of its rim `numbers` in the trace."""
+    factors = {i: _factor(circle) for i, circle in enumerate(circles) if circle.candidates}
+    fits = {i: fit for i in factors if (fit := trace.fits[numbers[i]]) is not None}
+    unfitted = [i for i in factors if i not in fits]
+    fitted_now = level_residuals(
+        trace.levels,
+        trace.camera,
+        [trace.rims[numbers[i]].ellipse for i in unfitted],
+        [factors[i] for i in unfitted],
+    )
+    found = {i: residuals_of_fit(fit, factors[i]) for i, fit in fits.items()}
+    found.update(zip(unfitted, fitted_now, strict=True))
+    return [found.get(i) for i in range(len(circles))]
 
 
 def camera_of(result: ImageResult, camera: Camera) -> Camera:
@@ -113,9 +139,9 @@ def camera_of(result: ImageResult, camera: Camera) -> Camera:
 
 
 def rim_places(ellipse: Ellipse, pixels: FloatArray) -> FloatArray:
-    """Return where along the rim of an image ellipse `pixels` (..., 2) are, deg from 0 to 360.
+    """Return the eccentric angle (...) of `pixels` (..., 2) along the rim of an image ellipse, deg from 0 to 360.
 
-    The eccentric angle: from the end of the major axis, on the right, turning as the hands of a clock do.
+    From the end of the major axis on the right, clockwise as one looks at the image.
     """
     homogeneous = np.concatenate([pixels, np.ones((*pixels.shape[:-1], 1))], axis=-1)
     factor = ellipse.factor + np.diag([0.0, 1e-9, 0.0])
@@ -123,20 +149,20 @@ def rim_places(ellipse: Ellipse, pixels: FloatArray) -> FloatArray:
     return np.asarray(np.degrees(np.arctan2(unit[..., 1], unit[..., 0])) % 360.0)
 
 
-def stretches_left_out(circle: ExplainedCircle) -> list[tuple[float, float]]:
-    """Return where nothing of the rim itself is in use, as (from, to) along it in deg (`rim_places`)."""
+def segments_left_out(circle: ExplainedCircle) -> list[tuple[float, float]]:
+    """Return where nothing of the rim itself is in use, as (from, to) in deg along it, see `rim_places`."""
     levels, ellipse = circle.levels, circle.result.ellipse
     if levels is None or ellipse is None:
         return []
     number = int(np.clip(np.pi * float(ellipse.semi_major + ellipse.semi_minor) / 4.0, 24, 120))
-    stretch = np.minimum((rim_places(ellipse, levels.pixels) / 360.0 * number).astype(np.int64), number - 1)
+    segment = np.minimum((rim_places(ellipse, levels.pixels) / 360.0 * number).astype(np.int64), number - 1)
     at_rim = np.abs(levels.distance_px) <= levels.sigma_px
-    out = np.bincount(stretch[at_rim & ~levels.in_use], minlength=number)
-    used = np.bincount(stretch[at_rim & levels.in_use], minlength=number)
-    return _runs((out >= _LEAST_OUT) & (out > used))
+    out = np.bincount(segment[at_rim & ~levels.in_use], minlength=number)
+    used = np.bincount(segment[at_rim & levels.in_use], minlength=number)
+    return _runs((out >= _LEAST_LEFT_OUT) & (out > used))
 
 
-def _runs(marked: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]) -> list[tuple[float, float]]:
+def _runs(marked: BoolArray) -> list[tuple[float, float]]:
     """Return the runs of equal parts of a circle that are `marked` (n,), deg; one may pass 360."""
     number = len(marked)
     if marked.all():
@@ -149,28 +175,6 @@ def _runs(marked: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]) -> list[tuple
     return [(float(start * per), float((end + 1) * per)) for start, end in zip(starts, after, strict=True)]
 
 
-def _contours(grey: Image, camera: Camera, target: Target, extraction: str) -> tuple[Contour, ...]:
-    lone = target.kind == "circle"
-    intervals = axis_intervals(target, camera, (int(grey.shape[1]), int(grey.shape[0])))
-    return find_contours(
-        grey,
-        intervals,
-        target.polarity if lone else "any",
-        keep_concentric=not lone,
-        enough=target.count if lone else None,
-        extraction=extraction,
-    ).contours
-
-
 def _factor(circle: CircleResult) -> FloatArray:
     chosen = circle.candidates[circle.chosen]
     return factor_from_circle(chosen.center, chosen.normal, circle.radius_mm)
-
-
-def _nearest(contours: Sequence[Contour], ellipse: Ellipse) -> Contour | None:
-    """Return the contour whose ellipse is `ellipse`, about; None where the rim was found in another way."""
-    tips = ellipse.points(16)
-    reach = _SAME_PX + 0.05 * float(ellipse.semi_minor)
-    close = [c for c in contours if float(np.linalg.norm(c.ellipse.center - ellipse.center)) < reach]
-    off = [float(np.max(np.abs(signed_distance(c.ellipse, tips)))) for c in close]
-    return close[int(np.argmin(off))] if off and min(off) < reach else None

@@ -1,7 +1,4 @@
-"""What the levels around a rim say against its pose: the model, evaluated again pixel by pixel.
-
-For a person to look at; the fit itself is `photometric`.
-"""
+"""The gray levels around a rim against its pose: the model of the fit, evaluated pixel by pixel."""
 
 from __future__ import annotations
 
@@ -12,30 +9,29 @@ import numpy as np
 
 from circlepose._typing import BoolArray, FloatArray, Image
 from circlepose.camera.camera import Camera
+from circlepose.fitting.cone_fit import ConeFit
 from circlepose.geometry.ellipse import Ellipse
-from circlepose.photometry.binary_mask import as_fitted
+from circlepose.measurement import intensity_fit
+from circlepose.measurement.intensity_fit import LevelFit
+from circlepose.measurement.rim import EdgeRim
 from circlepose.photometry.edge_spread import curved, places, straight
-from circlepose.photometry.fit import Expected, LevelsFit, fit_to_levels
-from circlepose.photometry.initialization import (
-    REACH_PX,
-    REACH_SIGMA,
-    first_information,
-    is_curved,
-    level_limits,
-    start_blur,
-)
+from circlepose.photometry.fit import LevelsFit
 from circlepose.photometry.intensity_model import Columns, fit_levels
-from circlepose.photometry.neighbors import bands_that_meet, light_of_neighbours
 from circlepose.photometry.occlusion import QUANTIZATION
-from circlepose.photometry.pixel_band import Bands, bands_around, beyond_bands
+from circlepose.photometry.pixel_band import Bands
 
 _AT_RIM_SIGMA = 2.0
+"""Blurs; a pixel this close to the rim lies at the rim itself; by eye."""
 _FIRST_ORDER_PX = 0.5
+"""px; distance of pose and fit up to which the model is moved to first order; by eye."""
+_LEAST_PIXELS = 2.0
+"""Sum of the weights below which nothing can be compared."""
+_POINTS = 90
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LevelResiduals:
-    """The k pixels in a band around one rim, and the blurred edge that explains them best; levels are grey levels."""
+    """The k pixels in a band around one rim, and the blurred edge that was fitted to them; levels are gray levels."""
 
     pixels: FloatArray
     """(k, 2)"""
@@ -48,23 +44,26 @@ class LevelResiduals:
     slope: FloatArray
     """(k,) change of the model when the rim grows by 1 px there; 0 of pixels that are left out"""
     in_use: BoolArray
-    """(k,) those that the fit rests on"""
+    """(k,) those that the fit uses"""
     clipped: BoolArray
-    """(k,) darkest or brightest that a pixel can be; left out where the light may be beyond"""
-    reach_px: float
+    """(k,) darkest or brightest that a pixel can be; left out where the intensity may be beyond"""
+    half_width_px: float
+    """of the band, to either side of the rim"""
     sigma_px: float
     """blur, the pixel's own box included"""
     unequal: tuple[float, float]
-    """how the blur's variance differs by direction: cos and sin of twice the angle; see `blurred_share`"""
+    """by how much the variance of the blur differs by direction: cos and sin of twice the angle"""
     noise_levels: float
     """standard deviation of the residuals in use about this model"""
     contrast_levels: float
     """inside minus outside"""
     correlation: float
-    """how much more the residuals of neighbours add up to than independent ones; 1 is independent"""
+    """variance of sums of neighboring residuals over that of independent ones; 1 is independent"""
     rim_used: float
-    """share of the rim that the levels were used of"""
+    """share of the rim whose levels are used"""
     converged: bool
+    is_used: bool
+    """whether the rim of the estimate is that of this fit"""
 
     @property
     def residual(self) -> FloatArray:
@@ -73,110 +72,73 @@ class LevelResiduals:
 
     @property
     def crosses(self) -> BoolArray:
-        """Tell (k,) what is left out at the rim itself: something hides, touches or crosses it there."""
+        """(k,) what is left out at the rim itself: something hides, touches or crosses it there."""
         return ~self.in_use & ~self.clipped & (np.abs(self.distance_px) <= _AT_RIM_SIGMA * self.sigma_px)
 
     @property
     def beside(self) -> BoolArray:
-        """Tell (k,) what is left out beside the rim: another edge, texture or a shadow."""
+        """(k,) what is left out beside the rim: another edge, texture or a shadow."""
         return ~self.in_use & ~self.clipped & ~self.crosses
 
 
 def level_residuals(
-    grey: Image, camera: Camera, ellipses: Sequence[Ellipse], factors: Sequence[FloatArray]
+    levels: Image, camera: Camera, ellipses: Sequence[Ellipse], factors: Sequence[FloatArray]
 ) -> list[LevelResiduals | None]:
-    """Evaluate the levels of `grey` (h, w) around rims, given by their image ellipses and the cones of their poses.
+    """Fit the gray levels around rims that the estimate did not fit, and compare them with poses.
 
-    The levels are fitted anew, and the model then put at the cone that was given: what it misses there is told. None
-    of a rim whose band has next to no pixels.
+    Parameters
+    ----------
+    levels
+        (h, w) gray levels; NaN where a pixel has none.
+    camera
+        The calibration for this image size.
+    ellipses
+        (m) the rims in the raw image.
+    factors
+        (m) factors (3, 3) of the viewing cones of the poses.
+
+    Returns
+    -------
+    (m) residuals, see `residuals_of_fit`.
     """
-    grey = as_fitted(grey, ellipses)
-    first = [
-        _fit(grey, camera, e, f, REACH_PX, start_blur(1)[0], None) for e, f in zip(ellipses, factors, strict=True)
+    rims = [
+        EdgeRim(ConeFit(factor, np.zeros(1)), ellipse.points(_POINTS), ellipse, 1.0, 1, 0.0)
+        for ellipse, factor in zip(ellipses, factors, strict=True)
     ]
-    # Of a rim whose levels are not understood, what it adds to those of others is not known.
-    known = [fit if fit is not None and fit.converged[0] else None for _, fit in first]
-    blur = np.array([start_blur(1)[0] if fit is None else fit.blur[0] for fit in known]).reshape(-1, 3)
-    contrast = np.array([0.0 if fit is None else fit.contrast_levels[0] for fit in known])
-    sigma = np.exp(blur[:, 0])
-    reach = np.maximum(REACH_PX, REACH_SIGMA * sigma)
-    meeting = bands_that_meet(ellipses, reach + REACH_SIGMA * sigma, contrast)
-    found = []
-    for number, (ellipse, factor) in enumerate(zip(ellipses, factors, strict=True)):
-        bands, fit = first[number]
-        beside = np.zeros(bands.levels.shape)
-        if meeting[number] or reach[number] > REACH_PX:
-            bands = bands_around(grey, camera, [ellipse], reach[[number]])
-            beside = light_of_neighbours(bands.pixels, np.array([number]), ellipses, sigma, contrast, reach)
-            bands, fit = _fit(grey, camera, ellipse, factor, reach[number], blur[number], beside)
-        found.append(None if fit is None else _residuals(bands, fit, ellipse, factor, beside, reach[number], grey))
-    return found
+    fits = intensity_fit.fit_levels(levels, camera, rims, keep_fits=True).fits
+    return [None if fit is None else residuals_of_fit(fit, factor) for fit, factor in zip(fits, factors, strict=True)]
 
 
-def edge_offsets(levels: LevelResiduals, place: FloatArray, number: int) -> tuple[FloatArray, FloatArray]:
-    """Return how far outside the rim of the pose the edge is, px (number,), in equal stretches, and its error.
+def residuals_of_fit(fit: LevelFit, factor: FloatArray) -> LevelResiduals | None:
+    """Compare the gray levels that were fitted with the model at the viewing cone of a pose.
 
-    `place` (k,) of each pixel along the rim, 0 to 1. NaN where too little is in use.
+    Parameters
+    ----------
+    fit
+        The fit of the estimate to the levels around the rim.
+    factor
+        (3, 3) factor of the viewing cone of the pose, camera frame.
+
+    Returns
+    -------
+    The residuals; None where next to no pixel around the rim counts.
     """
-    stretch = np.minimum((place * number).astype(np.int64), number - 1)
-    used = levels.in_use
-    told = np.bincount(stretch[used], (levels.slope**2)[used], number)
-    pull = np.bincount(stretch[used], (-levels.residual * levels.slope)[used], number)
-    enough = told > max(levels.noise_levels**2, 1e-9)
-    told = np.where(enough, told, np.nan)
-    return pull / told, levels.noise_levels / np.sqrt(told)
-
-
-def _fit(
-    grey: Image,
-    camera: Camera,
-    ellipse: Ellipse,
-    factor: FloatArray,
-    reach_px: float,
-    blur: FloatArray,
-    beside: FloatArray | None,
-) -> tuple[Bands, LevelsFit | None]:
-    reach, limits = np.array([reach_px]), level_limits(grey)
-    bands = bands_around(grey, camera, [ellipse], reach)
-    if float(bands.weight.sum()) < 2.0 or not np.all(np.isfinite(factor)):
-        return bands, None
-    perimeter = np.pi * float(ellipse.semi_major + ellipse.semi_minor)
-    fit = fit_to_levels(
-        bands,
-        factor[None],
-        blur[None],
-        Expected(blur[None] * [1.0, 0.0, 0.0], first_information(1)),
-        np.array([perimeter]),
-        limits,
-        beside=beside,
-        beyond=beyond_bands(grey, camera, [ellipse], reach, limits),
-        is_curved=is_curved(ellipse),
-    )
-    return bands, fit
-
-
-def _residuals(
-    bands: Bands,
-    fit: LevelsFit,
-    ellipse: Ellipse,
-    factor: FloatArray,
-    beside: FloatArray,
-    reach_px: float,
-    grey: Image,
-) -> LevelResiduals:
-    low, high = level_limits(grey)
-    clipped = (bands.levels[0] <= low) | (bands.levels[0] >= high)
-    bands = bands.less(beside).weighted(fit.weight)
+    if float(fit.bands.weight.sum()) < _LEAST_PIXELS or not np.all(np.isfinite(factor)):
+        return None
+    low, high = fit.limits
+    clipped = (fit.bands.levels[0] <= low) | (fit.bands.levels[0] >= high)
+    own, neighbors = fit.fit, fit.neighbors[0]
+    bands = fit.bands.less(fit.neighbors).weighted(own.weight)
     at = places(bands, factor[None])
-    model, slope = _model(bands, fit, fit.factors, ellipse)
-    # The levels belong to the rim that they were fitted with: they would take up a third of a step aside.
-    aside = (at.distance_px - places(bands, fit.factors).distance_px)[0]
-    if fit.converged[0] and float(np.max(np.abs(aside))) < _FIRST_ORDER_PX:
+    model, slope = _model(bands, own, own.factors, is_curved=fit.is_curved)
+    # The levels belong to the rim that was fitted: fitted again, they would absorb a third of a step aside.
+    aside = (at.distance_px - places(bands, own.factors).distance_px)[0]
+    if own.converged[0] and float(np.max(np.abs(aside))) < _FIRST_ORDER_PX:
         model = model - slope * aside
     else:
-        model, slope = _model(bands, fit, factor[None], ellipse)
-    in_use = np.asarray(fit.weight[0] > 0.0)
-    model, measured = model + beside[0], np.asarray(bands.levels[0], dtype=np.float64) + beside[0]
+        model, slope = _model(bands, own, factor[None], is_curved=fit.is_curved)
+    in_use = np.asarray(own.weight[0] > 0.0)
+    model, measured = model + neighbors, np.asarray(bands.levels[0], dtype=np.float64) + neighbors
     square = float(np.mean((model - measured)[in_use] ** 2)) if in_use.any() else 0.0
     return LevelResiduals(
         pixels=bands.pixels[0],
@@ -186,21 +148,47 @@ def _residuals(
         slope=slope,
         in_use=in_use,
         clipped=clipped & ~in_use,
-        reach_px=float(reach_px),
-        sigma_px=float(np.exp(fit.blur[0, 0])),
-        unequal=(float(fit.blur[0, 1]), float(fit.blur[0, 2])),
+        half_width_px=fit.half_width_px,
+        sigma_px=float(np.exp(own.blur[0, 0])),
+        unequal=(float(own.blur[0, 1]), float(own.blur[0, 2])),
         noise_levels=float(np.sqrt(max(square, QUANTIZATION))),
-        contrast_levels=float(fit.contrast_levels[0]),
-        correlation=float(fit.correlation[0]),
-        rim_used=float(fit.rim_used[0]),
-        converged=bool(fit.converged[0]),
+        contrast_levels=float(own.contrast_levels[0]),
+        correlation=float(own.correlation[0]),
+        rim_used=float(own.rim_used[0]),
+        converged=bool(own.converged[0]),
+        is_used=fit.is_accepted,
     )
 
 
-def _model(bands: Bands, fit: LevelsFit, factors: FloatArray, ellipse: Ellipse) -> tuple[FloatArray, FloatArray]:
+def edge_offsets(residuals: LevelResiduals, place: FloatArray, number: int) -> tuple[FloatArray, FloatArray]:
+    """Return how far outside the rim of the pose the edge is, in equal segments of the rim.
+
+    Parameters
+    ----------
+    residuals
+        Of k pixels around the rim.
+    place
+        (k,) position of each pixel along the rim, 0 to 1.
+    number
+        Of segments.
+
+    Returns
+    -------
+    Offsets (number,) px and their standard errors (number,) px; NaN where too few pixels are in use.
+    """
+    segment = np.minimum((place * number).astype(np.int64), number - 1)
+    used = residuals.in_use
+    information = np.bincount(segment[used], (residuals.slope**2)[used], number)
+    gradient = np.bincount(segment[used], (-residuals.residual * residuals.slope)[used], number)
+    is_enough = information > max(residuals.noise_levels**2, 1e-9)
+    information = np.where(is_enough, information, np.nan)
+    return gradient / information, residuals.noise_levels / np.sqrt(information)
+
+
+def _model(bands: Bands, fit: LevelsFit, factors: FloatArray, *, is_curved: bool) -> tuple[FloatArray, FloatArray]:
     """Return the model's levels (k,) with the rim of `factors` (1, 3, 3), and their change per px of its growth."""
     at = places(bands, factors)
-    share = (curved if is_curved(ellipse) else straight)(at, fit.blur)
+    share = (curved if is_curved else straight)(at, fit.blur)
     levels = fit_levels(Columns.of(bands, at, share), fit.stiff)
     # The first mode is a growth of the rim as a share of its radius.
     slope = levels.slopes[0, 0] * (at.slope / np.maximum(at.radius, 1e-9))[0]

@@ -1,4 +1,4 @@
-"""A picture of what a pose rests on: the band around the rim, its residuals, and the profile across the edge."""
+"""A picture of what a pose is based on: the band around the rim, its residuals, and the profile across the edge."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from circlepose._typing import FloatArray, Image
 from circlepose.camera.camera import Camera, circle_contour
-from circlepose.diagnostics.explain import ExplainedCircle, Explanation, camera_of, rim_places, stretches_left_out
+from circlepose.diagnostics.explain import ExplainedCircle, Explanation, camera_of, rim_places, segments_left_out
 from circlepose.diagnostics.residuals import LevelResiduals, edge_offsets
 from circlepose.drawing import captions
 from circlepose.drawing.captions import Color
@@ -29,7 +29,7 @@ _MARGIN = 30
 _RIM: Color = (60, 200, 60)
 _LIMIT: Color = (230, 150, 60)
 _CROSSES: Color = (0, 140, 255)
-_BESIDE: Color = (200, 90, 170)
+_OTHER_EDGE: Color = (200, 90, 170)
 _CLIPPED: Color = (60, 60, 230)
 _SHADE: Color = (200, 226, 255)
 _DATA: Color = (170, 170, 170)
@@ -37,11 +37,11 @@ _MODEL: Color = (40, 40, 200)
 _FULL_SCALE = 4.0
 """Noise sigmas of the strongest color."""
 _TINT = 0.55
-_STRETCH_PX = 6.0
+_SEGMENT_PX = 6.0
 
 
 def draw_explanation(image: Image, explanation: Explanation, camera: Camera) -> Image:
-    """Return a picture (h, w, 3), BGR uint8, of what the poses of `explanation` rest on; of the first few circles.
+    """Return a picture (h, w, 3), BGR uint8, of what the poses of the first few circles are based on.
 
     `image` is the one that was explained, `camera` the one that it was explained with. Without a circle it is the
     picture that `draw_overlay` makes.
@@ -76,8 +76,8 @@ def _panel(base: Image, circle: ExplainedCircle, camera: Camera) -> Image:
 
 def _crop(base: Image, circle: ExplainedCircle, ellipse: Ellipse, camera: Camera) -> Image:
     """Return the enlarged surroundings of a rim (_CROP, _CROP, 3), with what is in use and what is left out."""
-    reach = 4.0 if circle.levels is None else circle.levels.reach_px
-    half = float(ellipse.semi_major) + reach + max(4.0, 0.12 * float(ellipse.semi_major))
+    half_width = 4.0 if circle.levels is None else circle.levels.half_width_px
+    half = float(ellipse.semi_major) + half_width + max(4.0, 0.12 * float(ellipse.semi_major))
     scale = _CROP / (2.0 * half)
     corner = ellipse.center - half
     tinted = _tinted(base, circle.levels)
@@ -89,7 +89,7 @@ def _crop(base: Image, circle: ExplainedCircle, ellipse: Ellipse, camera: Camera
     def at(points: FloatArray) -> FloatArray:
         return (points - corner) * scale
 
-    for change in (-reach, reach):
+    for change in (-half_width, half_width):
         if float(ellipse.semi_minor) + change > 0.0:
             limit = Ellipse(
                 ellipse.center, ellipse.semi_major + change, ellipse.semi_minor + change, ellipse.angle
@@ -100,12 +100,14 @@ def _crop(base: Image, circle: ExplainedCircle, ellipse: Ellipse, camera: Camera
         chosen = result.candidates[result.chosen]
         rim = circle_contour(camera, chosen.center, chosen.normal, result.radius_mm)
         lines(crop, at(np.concatenate([rim, rim[:1]])), _RIM, 1)
-    _mark_places(crop, at, ellipse, reach)
+    _mark_places(crop, at, ellipse, half_width)
     return crop
 
 
-def _mark_places(crop: Image, at: Callable[[FloatArray], FloatArray], ellipse: Ellipse, reach_px: float) -> None:
-    outer = Ellipse(ellipse.center, ellipse.semi_major + reach_px, ellipse.semi_minor + reach_px, ellipse.angle)
+def _mark_places(crop: Image, at: Callable[[FloatArray], FloatArray], ellipse: Ellipse, half_width_px: float) -> None:
+    outer = Ellipse(
+        ellipse.center, ellipse.semi_major + half_width_px, ellipse.semi_minor + half_width_px, ellipse.angle
+    )
     tips = outer.points(8)[[0, 2, 4, 6]]
     for place, tip in zip((0, 90, 180, 270), tips, strict=True):
         x, y = (round(v) for v in at(tip + 1.5 * (tip - ellipse.center) / np.linalg.norm(tip - ellipse.center)))
@@ -119,7 +121,7 @@ def _tinted(base: Image, levels: LevelResiduals | None) -> Image:
         return base
     tinted = base.copy()
     columns, rows = levels.pixels.astype(np.int64).T
-    for which, color in ((levels.crosses, _CROSSES), (levels.beside, _BESIDE), (levels.clipped, _CLIPPED)):
+    for which, color in ((levels.crosses, _CROSSES), (levels.beside, _OTHER_EDGE), (levels.clipped, _CLIPPED)):
         under = tinted[rows[which], columns[which]]
         tinted[rows[which], columns[which]] = np.round((1.0 - _TINT) * under + _TINT * np.array(color))
     return tinted
@@ -127,35 +129,35 @@ def _tinted(base: Image, levels: LevelResiduals | None) -> Image:
 
 def _colors(levels: LevelResiduals) -> Image:
     colors = diverging(levels.residual / (_FULL_SCALE * levels.noise_levels))
-    for which, color in ((levels.crosses, _CROSSES), (levels.beside, _BESIDE), (levels.clipped, _CLIPPED)):
+    for which, color in ((levels.crosses, _CROSSES), (levels.beside, _OTHER_EDGE), (levels.clipped, _CLIPPED)):
         colors[which] = color
     return colors
 
 
 def _residuals(panel: Image, circle: ExplainedCircle, levels: LevelResiduals, ellipse: Ellipse) -> None:
-    """Draw the residuals of all pixels, unrolled along the rim, and where the edge is by stretches of it."""
+    """Draw the residuals of all pixels, unrolled along the rim, and where the edge is in segments of it."""
     left, width = _MARGIN + _CROP + 90, _WIDTH - _CROP - 2 * _MARGIN - 100
     perimeter = np.pi * float(ellipse.semi_major + ellipse.semi_minor)
-    reach = levels.reach_px
+    half_width = levels.half_width_px
     place = rim_places(ellipse, levels.pixels)
-    unrolled = Plot(panel, left, 40, width, 150, (0.0, 360.0), (-reach, reach))
+    unrolled = Plot(panel, left, 40, width, 150, (0.0, 360.0), (-half_width, half_width))
     unrolled.bands([(0.0, 360.0)], FAINT)
-    size = (max(2.0, 1.4 * width / perimeter), 1.5 * 150 / (2.0 * reach))
+    size = (max(2.0, 1.4 * width / perimeter), 1.5 * 150 / (2.0 * half_width))
     unrolled.marks(place, levels.distance_px, _colors(levels), size)
     unrolled.frame(
         f"residuals by place and distance from the rim (px, up is outside): white 0, red or blue "
         f"{_FULL_SCALE:g} sigma; 1 sigma is {levels.noise_levels:.2f} levels",
         range(0, 361, 45),
-        [-round(reach), 0, round(reach)],
+        [-round(half_width), 0, round(half_width)],
     )
-    number = int(np.clip(perimeter / _STRETCH_PX, 12, 120))
+    number = int(np.clip(perimeter / _SEGMENT_PX, 12, 120))
     offset, error = edge_offsets(levels, place / 360.0, number)
     known = np.isfinite(offset)
     most = (
         max(3.0 * float(np.median(error[known])), 1.1 * float(np.max(np.abs(offset[known])))) if known.any() else 1.0
     )
     edge = Plot(panel, left, 250, width, 110, (0.0, 360.0), (-most, most))
-    edge.bands(stretches_left_out(circle), _SHADE)
+    edge.bands(segments_left_out(circle), _SHADE)
     middle = (np.arange(number) + 0.5) * 360.0 / number
     edge.line(np.array([0.0, 360.0]), np.zeros(2), INK, 1)
     for sign in (-1.0, 1.0):
@@ -172,15 +174,15 @@ def _residuals(panel: Image, circle: ExplainedCircle, levels: LevelResiduals, el
 def _profile(panel: Image, levels: LevelResiduals) -> None:
     """Draw the levels against the distance from the rim, measured and of the model."""
     left, width = _MARGIN + _CROP + 90, _WIDTH - _CROP - 2 * _MARGIN - 100
-    reach = levels.reach_px
+    half_width = levels.half_width_px
     low, high = (float(v) for v in np.percentile(levels.measured, [0.5, 99.5]))
     margin = 0.08 * max(high - low, 1.0)
-    plot = Plot(panel, left, 420, width, 200, (-reach, reach), (low - margin, high + margin))
+    plot = Plot(panel, left, 420, width, 200, (-half_width, half_width), (low - margin, high + margin))
     colors = np.tile(np.array(_DATA, dtype=np.uint8), (len(levels.measured), 1))
-    for which, color in ((levels.crosses, _CROSSES), (levels.beside, _BESIDE), (levels.clipped, _CLIPPED)):
+    for which, color in ((levels.crosses, _CROSSES), (levels.beside, _OTHER_EDGE), (levels.clipped, _CLIPPED)):
         colors[which] = color
     plot.marks(levels.distance_px, levels.measured, colors, (2.0, 2.0))
-    edges = np.linspace(-reach, reach, 49)
+    edges = np.linspace(-half_width, half_width, 49)
     middle = (edges[:-1] + edges[1:]) / 2.0
     mean = means(levels.distance_px, levels.measured, levels.in_use, edges)
     plot.line(middle, means(levels.distance_px, levels.model, levels.in_use, edges), _MODEL, 2)
@@ -191,7 +193,7 @@ def _profile(panel: Image, levels: LevelResiduals) -> None:
     ticks = np.arange(np.ceil(low / step) * step, high + margin, step)
     plot.frame(
         f"levels across the edge: pixels, their means (black) and the model (red); blur {levels.sigma_px:.2f} px",
-        range(-int(reach), int(reach) + 1, max(1, round(reach / 5.0))),
+        range(-int(half_width), int(half_width) + 1, max(1, round(half_width / 5.0))),
         ticks.tolist(),
         " px",
     )

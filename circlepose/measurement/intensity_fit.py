@@ -1,9 +1,9 @@
-"""Measured rims -> the same, fitted to the grey levels around them, with a covariance. Many rims at once."""
+"""Rims -> the same rims fitted to the gray levels around them, with a covariance. Many rims at once."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,9 +12,11 @@ from circlepose._typing import FloatArray, Image
 from circlepose.camera.camera import Camera
 from circlepose.imaging.float_levels import without_gaps
 from circlepose.measurement.acceptance import accepted
-from circlepose.measurement.edge_fit import Rim, with_edges_placed
+from circlepose.measurement.edge_fit import with_edges_located
+from circlepose.measurement.options import DEFAULT, MeasurementOptions
+from circlepose.measurement.rim import EdgeRim, FittedRim, Rim
 from circlepose.photometry.binary_mask import as_fitted
-from circlepose.photometry.fit import Expected, fit_to_levels
+from circlepose.photometry.fit import Expected, LevelsFit, fit_to_levels
 from circlepose.photometry.initialization import (
     LOOSE,
     REACH_PX,
@@ -25,100 +27,180 @@ from circlepose.photometry.initialization import (
     start_blur,
 )
 from circlepose.photometry.neighbors import bands_that_meet, light_of_neighbours
-from circlepose.photometry.pixel_band import bands_around, beyond_bands
-
-_MOST_PIXELS = 22_000
-_TIGHT = 0.03
-"""Standard deviation of the inequality of the blur, after all rims have told of it."""
-_LEAST_UNEQUAL = 0.1
-"""Less is not told from texture."""
-_MANY = 5
-"""Rims that tell of the blur that they share."""
-_LEAST_WIDTH_PX = 4.0
-"""Semi-minor axis of a thin rim that was fitted as a whole, from which its levels are fitted again. On narrower ones
-the freedom of the levels costs more than it gains: from 3 px on, lengths are often off by more than three sigmas."""
-_SMALL_PX = 20.0
-"""Semi-minor axis below which unequal blur passes for a tilt."""
+from circlepose.photometry.pixel_band import Bands, bands_around, beyond_bands
+from circlepose.results import Failure
 
 
-def refined(grey: Image, camera: Camera, rims: Sequence[Rim]) -> list[Rim]:
-    """Fit the rims to the levels of `grey` (h, w); a rim whose levels tell nothing better stays as it is.
+@dataclass(frozen=True, slots=True, eq=False)
+class LevelFit:
+    """The last fit to the gray levels around one rim, and the pixels that it used. First axes have length 1."""
 
-    Pixels without a level (NaN) do not count.
+    is_curved: bool
+    """whether the curvature of the rim is part of the model"""
+    half_width_px: float
+    """of the band, to either side of the rim"""
+    bands: Bands
+    """(1, k) the pixels, with their own levels"""
+    fit: LevelsFit
+    neighbors: FloatArray
+    """(1, k) levels that the rims of neighbors add"""
+    limits: tuple[float, float]
+    """levels at which the image is clipped"""
+    is_accepted: bool
+    """whether the rim is that of the fit"""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LevelFits:
+    """Rims after their fit to the gray levels."""
+
+    rims: list[Rim]
+    fits: list[LevelFit | None]
+    """of each rim; None where none was made, or none was to be kept"""
+
+
+def refined(gray: Image, camera: Camera, rims: Sequence[Rim], *, options: MeasurementOptions = DEFAULT) -> list[Rim]:
+    """Return the rims of `fit_levels`."""
+    return fit_levels(gray, camera, rims, options=options).rims
+
+
+def fit_levels(
+    gray: Image,
+    camera: Camera,
+    rims: Sequence[Rim],
+    *,
+    keep_fits: bool = False,
+    options: MeasurementOptions = DEFAULT,
+) -> LevelFits:
+    """Fit rims to the gray levels around them.
+
+    Parameters
+    ----------
+    gray
+        (h, w) levels; NaN where a pixel has none.
+    camera
+        The calibration for this image size.
+    rims
+        The rims at which the fits begin.
+    keep_fits
+        Whether to return the fits with their pixels, some 100 kB a rim.
+    options
+        The numbers of the measurement.
+
+    Returns
+    -------
+    The rims in the same order. A rim whose fit is rejected is that of its edges, with the reason.
     """
-    whole = without_gaps(grey)
-    grey = as_fitted(grey, [rim.ellipse for rim in rims])
-    limits = level_limits(grey)
-    done = list(rims)
-    unfitted = [rim.modes_covariance is None and rim.ellipse_covariance is None for rim in rims]
-    open_ = [i for i, rim in enumerate(rims) if unfitted[i] or _has_two_sides(rim)]
-    many = len(open_) >= _MANY
-    reach = np.full(len(rims), REACH_PX)
+    whole = without_gaps(gray)
+    gray = as_fitted(gray, [rim.ellipse for rim in rims])
+    limits = level_limits(gray)
+    done: list[FittedRim | Failure | None] = [None] * len(rims)
+    kept: list[LevelFit | None] = [None] * len(rims)
+    chosen = [i for i, rim in enumerate(rims) if isinstance(rim, EdgeRim) or _has_two_sides(rim, options)]
+    are_many = len(chosen) >= options.least_rims_for_blur
+    half_width = np.full(len(rims), REACH_PX)
     blur = start_blur(len(rims))
     variance = np.full((len(rims), 3), np.inf)
     contrast = np.zeros(len(rims))
-    small = np.array([float(rim.ellipse.semi_minor) < _SMALL_PX for rim in rims])
+    is_small = np.array([float(rim.ellipse.semi_minor) < options.small_px for rim in rims])
     ellipses = [rim.ellipse for rim in rims]
     for again in (False, True):
         sigma = np.exp(blur[:, 0])
-        blurred = REACH_SIGMA * sigma > 1.1 * reach
-        crowded = bands_that_meet(ellipses, reach + REACH_SIGMA * sigma, contrast)
-        first = Expected(blur * [1.0, 0.0, 0.0], first_information(len(rims)))
-        expected = _expected(blur, variance) if again and many else first
-        is_unequal = many and expected.mean[:, 1:].any()
-        order = [i for i in open_ if not again or blurred[i] or crowded[i] or (small[i] and is_unequal)]
+        is_blurred = REACH_SIGMA * sigma > 1.1 * half_width
+        is_crowded = bands_that_meet(ellipses, half_width + REACH_SIGMA * sigma, contrast)
+        prior = Expected(blur * [1.0, 0.0, 0.0], first_information(len(rims)))
+        if again and are_many:
+            prior = _shared_blur(blur, variance, options)
+        is_unequal = are_many and prior.mean[:, 1:].any()
+        order = [i for i in chosen if not again or is_blurred[i] or is_crowded[i] or (is_small[i] and is_unequal)]
         if not order:
             break
         order.sort(key=lambda i: (is_curved(rims[i].ellipse), _perimeter(rims[i])))
         if again:
-            reach = np.where(blurred, REACH_SIGMA * sigma, reach)
-        neighbours = (ellipses, sigma, contrast.copy())
-        fits: dict[int, Rim] = {}
-        for chunk in _chunks(order, rims, reach):
+            half_width = np.where(is_blurred, REACH_SIGMA * sigma, half_width)
+        neighbors = (ellipses, sigma, contrast.copy())
+        latest = _current(rims, done)
+        for chunk in _chunks(order, rims, half_width, options):
             which = np.array(chunk)
-            around = [done[i].ellipse for i in chunk]
-            bands = bands_around(grey, camera, around, reach[which])
+            around = [latest[i].ellipse for i in chunk]
+            bands = bands_around(gray, camera, around, half_width[which])
+            beside = light_of_neighbours(bands.pixels, which, *neighbors, half_width)
             fit = fit_to_levels(
                 bands,
-                np.stack([done[i].cone.factor for i in chunk]),
+                np.stack([latest[i].cone.factor for i in chunk]),
                 blur[which],
-                rows(expected, which),
+                rows(prior, which),
                 np.array([_perimeter(rims[i]) for i in chunk]),
                 limits,
-                beside=light_of_neighbours(bands.pixels, which, *neighbours, reach),
-                beyond=beyond_bands(grey, camera, around, reach[which], limits),
+                beside=beside,
+                beyond=beyond_bands(gray, camera, around, half_width[which], limits),
                 is_curved=is_curved(rims[chunk[0]].ellipse),
             )
-            found = accepted(grey, camera, [rims[i] for i in chunk], fit, ~crowded[which])
-            fits.update(zip(chunk, found, strict=True))
+            found = accepted(gray, camera, [rims[i] for i in chunk], fit, ~is_crowded[which], options)
             for k, i in enumerate(chunk):
+                done[i] = found[k]
+                if keep_fits:
+                    kept[i] = LevelFit(
+                        is_curved(rims[i].ellipse),
+                        float(half_width[i]),
+                        *_without_padding(k, bands, fit, beside),
+                        limits,
+                        is_accepted=isinstance(found[k], FittedRim),
+                    )
                 if fit.converged[k]:
                     blur[i], variance[i], contrast[i] = fit.blur[k], fit.blur_variance[k], fit.contrast_levels[k]
-        for i, rim in fits.items():
-            done[i] = rim
-        ellipses = [rim.ellipse for rim in done]
-    for i in open_:
-        if done[i] is rims[i] and rims[i].modes_covariance is None:
-            placed = rims[i] if rims[i].is_placed else with_edges_placed(whole, camera, rims[i])
-            done[i] = replace(placed or rims[i], is_edges_only=True)
-    return done
+        ellipses = [rim.ellipse for rim in _current(rims, done)]
+    return LevelFits(
+        [_after_fit(whole, camera, rim, fitted, options) for rim, fitted in zip(rims, done, strict=True)], kept
+    )
 
 
-def _has_two_sides(rim: Rim) -> bool:
-    """Tell whether blur leaves the sides of a rim apart, so that levels inside and outside can be shaded."""
-    return float(rim.ellipse.semi_minor) > _LEAST_WIDTH_PX
+def _current(rims: Sequence[Rim], done: Sequence[FittedRim | Failure | None]) -> list[Rim]:
+    """Return the rims as they were fitted last; those without an accepted fit as they were."""
+    return [fitted if isinstance(fitted, FittedRim) else rim for rim, fitted in zip(rims, done, strict=True)]
+
+
+def _after_fit(
+    levels: Image, camera: Camera, rim: Rim, fitted: FittedRim | Failure | None, options: MeasurementOptions
+) -> Rim:
+    """Return the rim after its fit; where that was rejected, an edge rim on edges located along it."""
+    if isinstance(fitted, FittedRim):
+        return fitted
+    if fitted is None or isinstance(rim, FittedRim):
+        return rim
+    located = rim if rim.is_located_anew else with_edges_located(levels, camera, rim, options=options)
+    return replace(rim if isinstance(located, Failure) else located, level_fit=fitted)
+
+
+def _without_padding(
+    number: int, bands: Bands, fit: LevelsFit, neighbors: FloatArray
+) -> tuple[Bands, LevelsFit, FloatArray]:
+    """Return what belongs to rim `number` of a batch, without the pixels that pad it."""
+    counted = np.flatnonzero(bands.weight[number])
+    end = int(counted[-1]) + 1 if len(counted) else 0
+    row = slice(number, number + 1)
+    own = Bands(bands.levels[row, :end], bands.weight[row, :end], bands.rays[row, ..., :end], bands.pixels[row, :end])
+    return own, replace(rows(fit, row), weight=fit.weight[row, :end]), neighbors[row, :end]
+
+
+def _has_two_sides(rim: Rim, options: MeasurementOptions) -> bool:
+    """Whether blur leaves the sides of a thin rim apart, so that levels inside and outside can be shaded."""
+    return float(rim.ellipse.semi_minor) > options.least_refit_px
 
 
 def _perimeter(rim: Rim) -> float:
     return float(np.pi * (rim.ellipse.semi_major + rim.ellipse.semi_minor))
 
 
-def _chunks(order: Sequence[int], rims: Sequence[Rim], reach: FloatArray) -> Iterator[list[int]]:
+def _chunks(
+    order: Sequence[int], rims: Sequence[Rim], half_width: FloatArray, options: MeasurementOptions
+) -> Iterator[list[int]]:
+    """Yield the rims of `order` in parts that are fitted at once: of one kind, and not too many pixels."""
     chunk: list[int] = []
     for i in order:
-        longest = 2.2 * reach[i] * _perimeter(rims[i])
+        longest = 2.2 * half_width[i] * _perimeter(rims[i])
         if chunk and (
-            (len(chunk) + 1) * longest > _MOST_PIXELS
+            (len(chunk) + 1) * longest > options.most_pixels
             or is_curved(rims[i].ellipse) != is_curved(rims[chunk[0]].ellipse)
         ):
             yield chunk
@@ -128,14 +210,15 @@ def _chunks(order: Sequence[int], rims: Sequence[Rim], reach: FloatArray) -> Ite
         yield chunk
 
 
-def _expected(blur: FloatArray, variance: FloatArray) -> Expected:
-    """Return what the blurs of all rims say of each: unequal blur is the camera's, and much the same for all."""
+def _shared_blur(blur: FloatArray, variance: FloatArray, options: MeasurementOptions) -> Expected:
+    """Return a prior for each blur from all of them: unequal blur is the camera's, and much the same for all."""
     posterior = 1.0 / variance[:, 1:]
-    told = np.where(posterior > 0.0, posterior - LOOSE**-2, 0.0).sum(axis=0)
-    mean = (posterior * blur[:, 1:]).sum(axis=0) / np.maximum(told, LOOSE**-2)
-    if np.hypot(*mean) < _LEAST_UNEQUAL:
+    information = np.where(posterior > 0.0, posterior - LOOSE**-2, 0.0).sum(axis=0)
+    mean = (posterior * blur[:, 1:]).sum(axis=0) / np.maximum(information, LOOSE**-2)
+    if np.hypot(*mean) < options.least_blur_inequality:
         mean = np.zeros(2)
     count = len(blur)
     return Expected(
-        np.column_stack([blur[:, 0], np.tile(mean, (count, 1))]), np.tile([0.0, *[_TIGHT**-2] * 2], (count, 1))
+        np.column_stack([blur[:, 0], np.tile(mean, (count, 1))]),
+        np.tile([0.0, *[options.shared_blur_sigma**-2] * 2], (count, 1)),
     )

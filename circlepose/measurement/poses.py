@@ -1,4 +1,4 @@
-"""A measured rim -> results: the candidate poses of each method, their imaged centres, flags."""
+"""A measured rim -> results: the candidate poses of each method, their imaged centers, flags."""
 
 from __future__ import annotations
 
@@ -13,18 +13,12 @@ from circlepose.camera.camera import Camera
 from circlepose.geometry.cone import ConeKind, PrincipalFrame, principal_frame
 from circlepose.geometry.cone_perturbation import MODES
 from circlepose.geometry.measured_cone import Cone
-from circlepose.measurement.edge_fit import Rim
+from circlepose.measurement.options import DEFAULT, MeasurementOptions
+from circlepose.measurement.rim import EdgeRim, FittedRim, Rim, modes_covariance
 from circlepose.results import Candidate, CircleResult, Failure, Flag
 from circlepose.solvers.registry import Solutions, solve, solve_chen_huang
 from circlepose.uncertainty.pose_covariance import pose_covariances, segment_covariance
 
-_SIGMAS = 3.0
-"""Standard errors by which two semi-axes must differ, or one from 0, to be told apart."""
-_NEAR_RIGHT = 8.0
-"""The tilt is ill-determined while the semi-axes differ by less than so many standard errors."""
-_SLIVER_PX = 2.0
-_POOR_FIT_PX = 0.35
-_FULL_RIM = 0.9
 _ORDER = (
     Flag.AMBIGUOUS,
     Flag.NEAR_RIGHT,
@@ -45,12 +39,13 @@ def circle_results(
     circle: str,
     *,
     frame: PrincipalFrame | None = None,
+    options: MeasurementOptions = DEFAULT,
 ) -> list[CircleResult]:
     """Return the results of one rim, see `results_of_rims`; `frame` is that of its cone, where it is known."""
     frames = None
     if frame is not None:
         frames = PrincipalFrame(*(np.asarray(each)[None] for each in astuple(frame)))
-    return results_of_rims([rim], camera, methods, radius_mm, [instance], circle, frames=frames)
+    return results_of_rims([rim], camera, methods, radius_mm, [instance], circle, frames=frames, options=options)
 
 
 def results_of_rims(
@@ -62,16 +57,39 @@ def results_of_rims(
     circle: str,
     *,
     frames: PrincipalFrame | None = None,
+    options: MeasurementOptions = DEFAULT,
 ) -> list[CircleResult]:
-    """Return a result of each rim for each method, its candidates in no order of likelihood.
+    """Solve the poses of lone circles of one radius. Which candidate is right is left open.
 
-    `frames` (m, ...) are those of the rims' cones, where they are known already.
+    Parameters
+    ----------
+    rims
+        (m) the measured rims.
+    camera
+        The calibration for this image size.
+    methods
+        Names of `circlepose.solvers.CIRCLE_METHODS`.
+    radius_mm
+        Radius of every circle, mm.
+    instances
+        (m) number of the target in the image, of each rim.
+    circle
+        Name of the circle in its target.
+    frames
+        (m, ...) of the rims' cones, where they are known already.
+    options
+        The numbers of the measurement.
+
+    Returns
+    -------
+    A result for each rim and method, the methods of one rim together; centers in mm, camera frame. A method without
+    a pose gives a result with the status `no_pose` and the reason.
     """
     if not rims:
         return []
     if frames is None:
         frames = principal_frame(np.stack([rim.cone.factor for rim in rims]))
-    settled = settled_frames(rims, frames)
+    settled = settled_frames(rims, frames, options)
     factors = _settled_factors(rims, frames, settled)
     known = solve_chen_huang(settled, radius_mm)
     covariances = _covariances(rims, camera, frames, factors, known, radius_mm)
@@ -81,7 +99,7 @@ def results_of_rims(
     for k, rim in enumerate(rims):
         own = slice(starts[k], starts[k + 1])
         base = result_without_pose(rim, methods[0], radius_mm, instances[k], circle)
-        flags = _flags(rim, float(frames.tan_half_minor[k] / frames.tan_half_major[k]))
+        flags = _flags(rim, float(frames.tan_half_minor[k] / frames.tan_half_major[k]), options)
         for method in methods:
             solutions = known[k]
             if method == "chen-huang":
@@ -97,7 +115,7 @@ def results_of_rims(
                     reference = _candidates(known[k], imaged[own])
                     candidates = tuple(compared(candidate, reference) for candidate in candidates)
             one = len(candidates) == 1
-            told = flags | {Flag.AMBIGUOUS: not one, Flag.CHORD_MENDED: solutions.mended}
+            is_set = flags | {Flag.AMBIGUOUS: not one, Flag.CHORD_MENDED: solutions.mended}
             results.append(
                 replace(
                     base,
@@ -105,7 +123,7 @@ def results_of_rims(
                     candidates=candidates,
                     ambiguity=0.0 if one else 0.5,
                     cone=measured_cone(rim, ConeKind(solutions.cone)),
-                    flags=tuple(flag for flag in _ORDER if told[flag]),
+                    flags=tuple(flag for flag in _ORDER if is_set[flag]),
                 )
             )
     return results
@@ -128,28 +146,31 @@ def result_without_pose(rim: Rim, method: str, radius_mm: float, instance: int, 
 
 def measured_cone(rim: Rim, kind: ConeKind) -> Cone:
     """Return the rim's viewing cone for a result, with what its pose takes it to be."""
-    modes = rim.modes_covariance
+    modes = modes_covariance(rim)
     return Cone(rim.cone.factor, kind, None if modes is None else (modes + modes.T) / 2.0)
 
 
-def rim_flags(rim: Rim, frame: PrincipalFrame) -> tuple[Flag, ...]:
+def rim_flags(rim: Rim, frame: PrincipalFrame, options: MeasurementOptions = DEFAULT) -> tuple[Flag, ...]:
     """Return the flags of a rim by itself, whatever the method; `frame` is that of its cone."""
-    is_set = _flags(rim, float(frame.tan_half_minor / frame.tan_half_major))
+    is_set = _flags(rim, float(frame.tan_half_minor / frame.tan_half_major), options)
     return tuple(flag for flag in _ORDER if is_set.get(flag, False))
 
 
-def settled_frames(rims: Sequence[Rim], frames: PrincipalFrame) -> PrincipalFrame:
-    """Return the frames of m rims' cones, right or degenerate where the edges show no difference from that.
+def settled_frames(
+    rims: Sequence[Rim], frames: PrincipalFrame, options: MeasurementOptions = DEFAULT
+) -> PrincipalFrame:
+    """Return the frames of the rims' viewing cones, or of the right or degenerate cones that they may be.
 
-    Within its error a circle seen along its axis is a right cone with one pose, where the fitted axes, never quite
-    equal, would give two with a tilt of their own; and a segment is edge-on, whatever width noise gives it.
-    `frames` (m, ...) are those of the measured cones.
+    `right`: the two semi-axes agree within three standard errors. The circle then has one pose, where the fitted
+    axes, which are never quite equal, would give two with a tilt of their own. `degenerate`: the semi-minor axis is
+    within three standard errors of zero, and the circle is seen edge-on. `frames` (m, ...) are of the measured cones.
     """
     s, t = frames.tan_half_major, frames.tan_half_minor
     per_px = s / np.array([float(rim.ellipse.semi_major) for rim in rims])
-    error = _SIGMAS * np.array([rim.axis_error_px for rim in rims]) * per_px
+    error = options.settle_sigmas * np.array([rim.axis_error_px for rim in rims]) * per_px
     right = s - t < error
-    flat = ~right & (t < np.maximum(error, np.array([rim.least_width_px for rim in rims]) * per_px))
+    least_px = np.array([0.0 if isinstance(rim, EdgeRim) and rim.is_given else options.segment_px for rim in rims])
+    flat = ~right & (t < np.maximum(error, least_px * per_px))
     mean = np.sqrt(s * t)
     return PrincipalFrame(frames.rotation, np.where(right, mean, s), np.where(right, mean, np.where(flat, 0.0, t)))
 
@@ -171,19 +192,20 @@ def _covariances(
     known: Sequence[Solutions],
     radius_mm: float,
 ) -> list[FloatArray | None]:
-    """Return the covariance of each candidate of each rim in turn, where its rim's is known and the cone its own."""
+    """Return the covariance of each candidate of each rim in turn; None where the rim has none, or was settled."""
     centers = np.concatenate([solutions.centers for solutions in known])
     normals = np.concatenate([solutions.normals for solutions in known])
     owner = np.repeat(np.arange(len(rims)), [len(solutions.centers) for solutions in known])
     modes = np.full((len(rims), MODES, MODES), np.nan)
     for k, rim in enumerate(rims):
-        if rim.modes_covariance is not None and np.array_equal(factors[k], rim.cone.factor):
-            modes[k] = rim.modes_covariance
+        own = modes_covariance(rim)
+        if own is not None and np.array_equal(factors[k], rim.cone.factor):
+            modes[k] = own
     axes = frames.rotation[..., 2]
-    told = pose_covariances(factors[owner], axes[owner], modes[owner], centers, normals, radius_mm)
+    covariances = pose_covariances(factors[owner], axes[owner], modes[owner], centers, normals, radius_mm)
     return [
         each if np.isfinite(each[0, 0]) else _of_segment(rims[i], camera, factors[i], center, normal, radius_mm)
-        for each, i, center, normal in zip(told, owner.tolist(), centers, normals, strict=True)
+        for each, i, center, normal in zip(covariances, owner.tolist(), centers, normals, strict=True)
     ]
 
 
@@ -191,7 +213,9 @@ def _of_segment(
     rim: Rim, camera: Camera, settled: FloatArray, center: FloatArray, normal: FloatArray, radius_mm: float
 ) -> FloatArray | None:
     """Return the covariance of a pose whose rim was settled to be seen edge-on and measured from its levels."""
-    if rim.ellipse_covariance is None or not principal_frame(settled).is_degenerate:
+    if not isinstance(rim, FittedRim) or rim.ellipse_covariance is None:
+        return None
+    if not principal_frame(settled).is_degenerate:
         return None
     return segment_covariance(camera, rim.ellipse, rim.ellipse_covariance, center, normal, radius_mm)
 
@@ -210,7 +234,7 @@ def _candidates(
 
 
 def compared(candidate: Candidate, reference: Sequence[Candidate]) -> Candidate:
-    """Add the differences to the like candidate of Chen & Huang's: the one whose normal is nearest."""
+    """Add the differences to the corresponding candidate of Chen & Huang's: the one whose normal is nearest."""
     if not reference:
         return candidate
     nearest = max(reference, key=lambda other: float(other.normal @ candidate.normal))
@@ -221,13 +245,13 @@ def compared(candidate: Candidate, reference: Sequence[Candidate]) -> Candidate:
     )
 
 
-def _flags(rim: Rim, axis_ratio: float) -> dict[Flag, bool]:
-    """Return what is to be said of a rim, by whatever method it is solved."""
-    semi_minor = float(rim.ellipse.semi_minor)
+def _flags(rim: Rim, axis_ratio: float, options: MeasurementOptions) -> dict[Flag, bool]:
+    """Return which flags a rim has by itself, whatever the method that solves it."""
+    apart_px = float(rim.ellipse.semi_major) * (1.0 - axis_ratio)
     return {
-        Flag.NEAR_RIGHT: float(rim.ellipse.semi_major) * (1.0 - axis_ratio) < _NEAR_RIGHT * rim.axis_error_px,
-        Flag.NEAR_DEGENERATE: semi_minor < _SLIVER_PX,
-        Flag.POOR_FIT: rim.cone.rms_px > _POOR_FIT_PX,
-        Flag.PARTIAL_RIM: rim.rim_used < _FULL_RIM,
-        Flag.EDGES_ONLY: rim.is_edges_only,
+        Flag.NEAR_RIGHT: apart_px < options.near_right_sigmas * rim.axis_error_px,
+        Flag.NEAR_DEGENERATE: float(rim.ellipse.semi_minor) < options.sliver_px,
+        Flag.POOR_FIT: rim.cone.rms_px > options.poor_fit_px,
+        Flag.PARTIAL_RIM: rim.rim_used < options.visible_rim_share,
+        Flag.EDGES_ONLY: isinstance(rim, EdgeRim) and rim.level_fit is not None,
     }

@@ -12,9 +12,9 @@ from circlepose.errors import ArgumentError
 from circlepose.fitting.cone_fit import ConeFit, fit_cone
 from circlepose.fitting.cone_projection import factor_from_ellipse
 from circlepose.geometry.ellipse import Ellipse
-from circlepose.measurement.edge_fit import Rim, rim_from_fit
 from circlepose.measurement.poses import circle_results
-from circlepose.results import CircleResult, Status
+from circlepose.measurement.rim import EdgeRim, rim_from_fit
+from circlepose.results import CircleResult, Failure, Status
 from circlepose.solvers import CIRCLE_METHODS
 
 _POINTS = 360
@@ -57,24 +57,24 @@ def estimate_from_ellipse(
     radius_mm = _arguments.length_mm("radius_mm", radius_mm, "a positive radius in mm (not a diameter)")
     _arguments.one_of(CIRCLE_METHODS, "method", method)
     rim = _rim(ellipse, camera)
-    if rim is None:
-        reason = "the ellipse lies outside the lens model"
-        return CircleResult(0, "disc", method, radius_mm, ellipse=ellipse, status=Status.NO_POSE, reason=reason)
+    if isinstance(rim, Failure):
+        return CircleResult(0, "disc", method, radius_mm, ellipse=ellipse, status=rim.status, reason=rim.reason)
     (result,) = circle_results(rim, camera, (method,), radius_mm, 0, "disc")
     # There are no edges that these could be of.
     return replace(result, ellipse=ellipse, residual_px=None, rim_used=None, contour=None)
 
 
-def _rim(ellipse: Ellipse, camera: Camera) -> Rim | None:
+def _rim(ellipse: Ellipse, camera: Camera) -> EdgeRim | Failure:
+    outside = Failure(Status.NO_POSE, "the ellipse lies outside the lens model")
     points = ellipse.points(_POINTS)
     is_segment = float(ellipse.semi_minor) == 0.0
     if not camera.is_free_of_distortion and not is_segment:
         fit = fit_cone(camera, points)
-        return None if fit is None else rim_from_fit(camera, fit, points)
+        return outside if fit is None else rim_from_fit(camera, fit, points)
     factor = factor_from_ellipse(camera, ellipse)
     if factor is None or not np.all(np.isfinite(camera.rays(points))):
-        return None
-    return Rim(ConeFit(factor, np.zeros(_POINTS)), points, ellipse, 1.0, 1, axis_error_px=0.0)
+        return outside
+    return EdgeRim(ConeFit(factor, np.zeros(_POINTS)), points, ellipse, 1.0, 1, axis_error_px=0.0)
 
 
 def _check_ellipse(ellipse: Ellipse) -> None:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from circlepose.geometry.cone import cone_from_factor
-from circlepose.measurement.edge_fit import Rim
+from circlepose.measurement.rim import Rim
 from circlepose.results import Failure
 from circlepose.rings.hypotheses import SolvedRim, as_largest_circle, free_height
 from circlepose.rings.matching import allowed_px, may_belong

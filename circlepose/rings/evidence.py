@@ -10,7 +10,7 @@ from circlepose._typing import FloatArray
 from circlepose.fitting.observations import Observations, rim_growth
 from circlepose.geometry.cone_perturbation import MODES, mode_shapes
 from circlepose.geometry.ellipse import signed_distance
-from circlepose.measurement.edge_fit import Rim
+from circlepose.measurement.rim import Rim, modes_covariance
 from circlepose.rings.hypotheses import SolvedRim
 from circlepose.rings.options import DEFAULT, RingOptions
 from circlepose.targets.target import Target
@@ -110,7 +110,8 @@ def _evidence(rim: Rim, radius: float, seen: Observations, options: RingOptions,
     common = common * (options.beside_edge_ratio if beside else 1.0)
     scatter = max(rim.cone.rms_px, options.least_scatter_px)
     edges = from_edges(rim.cone.factor, radius, seen.rays, seen.jacobians, scatter, common, options=options)
-    if rim.modes_covariance is None or not np.all(np.linalg.eigvalsh(rim.modes_covariance) > 0.0):
+    modes = modes_covariance(rim)
+    if modes is None or not np.all(np.linalg.eigvalsh(modes) > 0.0):
         return edges
     offset = edges.coefficients
     if beside:
@@ -119,7 +120,7 @@ def _evidence(rim: Rim, radius: float, seen: Observations, options: RingOptions,
     else:
         is_contradicted = bool(offset @ edges.information @ offset > options.contradicted_chi_square * MODES)
         additional = np.zeros((MODES, MODES))
-    return edges if is_contradicted else from_levels(rim.cone.factor, radius, rim.modes_covariance + additional)
+    return edges if is_contradicted else from_levels(rim.cone.factor, radius, modes + additional)
 
 
 def _within_model(seen: Observations) -> Observations:

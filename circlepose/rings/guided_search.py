@@ -19,7 +19,7 @@ from circlepose.fitting.cone_projection import rim_pixels
 from circlepose.fitting.observations import Observations, rim_distance_px
 from circlepose.geometry.cone import factor_from_circle
 from circlepose.imaging.subpixel_edges import contour_normals, locate_edges
-from circlepose.measurement.edge_fit import Rim, rim_from_fit
+from circlepose.measurement.rim import Rim, rim_from_fit
 from circlepose.results import Failure, Status
 from circlepose.rings.hypotheses import SolvedRim, as_circle, other_heights, solve_rims
 from circlepose.rings.matching import MatchedRims, match_solved
@@ -141,8 +141,8 @@ def _found(
     if fit.rms_px > options.smooth_px and share < options.rough_share:
         return Failure(Status.NO_POSE, "the edges near the predicted rim are those of texture")
     found = rim_from_fit(camera, fit, used.pixels, share, int(edges.polarity[0]))
-    if found is None:
-        return Failure(Status.NO_POSE, "the fitted rim lies outside the valid field of the lens model")
+    if isinstance(found, Failure):
+        return found
     # On an arc the errors of the axes grow faster than the number of edges falls.
     return replace(found, axis_error_px=found.axis_error_px / share)
 

@@ -12,8 +12,8 @@ from circlepose.camera.camera import Camera
 from circlepose.detection.contour import WANTED_SIGN
 from circlepose.fitting.observations import Observations
 from circlepose.geometry.cone import PrincipalFrame, principal_frame
-from circlepose.measurement.edge_fit import Rim
 from circlepose.measurement.poses import settled_frames
+from circlepose.measurement.rim import Rim
 from circlepose.results import Failure, Status
 from circlepose.rings.options import RingOptions
 from circlepose.rings.reprojection import misfits_px

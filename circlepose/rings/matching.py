@@ -14,7 +14,7 @@ import numpy as np
 
 from circlepose._typing import FloatArray
 from circlepose.camera.camera import Camera
-from circlepose.measurement.edge_fit import Rim
+from circlepose.measurement.rim import Rim
 from circlepose.results import Failure, Status
 from circlepose.rings.hypotheses import (
     Misfit,

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 
 from circlepose.camera.camera import Camera
 from circlepose.detection.contour import WANTED_SIGN, Rejection
-from circlepose.measurement.edge_fit import Rim
 from circlepose.measurement.poses import circle_results, compared, result_without_pose, rim_flags
+from circlepose.measurement.rim import Rim
 from circlepose.results import CircleResult, Failure, Flag
 from circlepose.rings.circle_result import in_order, joint_result, own_result
 from circlepose.rings.decision import decide

@@ -1,10 +1,10 @@
-"""How well a rim alone determines its circle's pose: the covariance of a candidate, from that of the rim's modes.
+"""The covariance of a candidate pose, from that of the modes of its rim.
 
-To first order a pose with errors x has a rim with mode amounts J x (`rim_modes.pose_derivatives`), so the amounts'
-covariance C gives J^-1 C J^-T. Both candidates of a circle have the same rim but each its own J, and so its own
-covariance. Seen along its axis a circle's tilt changes its rim to second order only: J is singular, and no
-covariance tells how the tilt is off. Of a segment, a circle seen edge-on, it is the modes that have no meaning, while
-the pose still follows smoothly from the axes of its image: there these are taken. Pure NumPy.
+To first order a pose with errors x has a rim with mode coefficients J x (`cone_perturbation.pose_derivatives`), so
+with the covariance C of the coefficients that of the pose is J^-1 C J^-T. Both candidates of a circle have the same
+rim, but each its own J and so its own covariance. Where a circle is seen along its axis, a tilt changes the rim only
+to second order: J is singular, and no covariance describes the tilt. Where a circle is seen edge-on, a segment, the
+modes have no meaning, but the pose is a smooth function of the axes of its image, which are used instead. Pure NumPy.
 """
 
 from __future__ import annotations
@@ -32,22 +32,25 @@ _LEAST_SIGMAS = 2.0
 def pose_covariance(
     factor: FloatArray, modes_covariance: FloatArray, center: FloatArray, normal: FloatArray, radius: float
 ) -> FloatArray | None:
-    """Return the covariance (5, 5) of a circle's pose, measured by its rim alone.
+    """Return the covariance (5, 5) of the pose of a circle that was measured by its rim alone.
 
     Parameters
     ----------
     factor
-        (3, 3) of the viewing cone that was measured (`cone`).
+        (3, 3) of the measured viewing cone, camera frame.
     modes_covariance
-        (5, 5) of the `rim_modes` amounts about that factor.
+        (5, 5) of the coefficients of the modes of that factor (`geometry.cone_perturbation`).
     center, normal
-        (3,) a candidate pose of a circle of `radius`, which has this cone; the centre in the unit of `radius`.
+        (3,) a candidate pose that has this cone, camera frame; the center in the unit of `radius`.
+    radius
+        Of the circle.
 
     Returns
     -------
-    Of the centre (three, length unit squared) and two tilts (rad^2) of the normal, towards the vectors of
+    Of the center (three, length unit squared) and two tilts (rad^2) of the normal, towards the vectors of
     `cone.plane_basis(normal)`. None where first order does not hold: edge-on within rounding, and where the tilt
-    from the cone's axis, at which both candidates are one, is less than twice its own standard deviation.
+    from the cone's axis, at which both candidates coincide, is less than twice its own standard deviation. Source:
+    J^-1 C J^-T, see the head of this module.
     """
     axis = principal_frame(factor).rotation[:, 2]
     covariance = pose_covariances(factor, axis, modes_covariance, center, normal, radius)
@@ -57,23 +60,26 @@ def pose_covariance(
 def segment_covariance(
     camera: Camera, ellipse: Ellipse, covariance: FloatArray, center: FloatArray, normal: FloatArray, radius: float
 ) -> FloatArray | None:
-    """Return the covariance (5, 5) of the pose of a circle that was taken to be seen edge-on, as `pose_covariance`.
+    """Return the covariance (5, 5) of the pose of a circle that is taken as seen edge-on.
 
     Parameters
     ----------
     camera, ellipse, covariance
         The ellipse measured in the raw image, so thin that it may be a segment, and the covariance (5, 5) of its
-        centre x, y, semi-major, semi-minor (px) and angle (rad).
+        center x, y, semi-major, semi-minor (px) and angle (rad).
     center, normal
-        (3,) one of both poses of a circle of `radius` that has this segment; the centre in the unit of `radius`.
+        (3,) one of the two poses that have this segment, camera frame; the center in the unit of `radius`.
+    radius
+        Of the circle.
 
     Returns
     -------
-    None where the lens model does not reach, or first order does not hold.
+    As `pose_covariance`, by numerical derivatives; None outside the valid field of the lens model, or where first
+    order does not hold.
     """
     theta = np.array([*ellipse.center, ellipse.semi_major, 0.0, ellipse.angle])
     spread = covariance.copy()
-    # Width and contrast of a segment go together; what its levels do tell is how wide it is not.
+    # Width and contrast of a segment are correlated; its levels give an upper limit of its width.
     wide = np.hypot(float(ellipse.semi_minor), min(float(np.sqrt(covariance[3, 3])), _SURELY_WIDE_PX))
     spread[3, :], spread[:, 3] = 0.0, 0.0
     spread[3, 3] = max(float(wide), _SEGMENT_PX) ** 2
@@ -90,9 +96,10 @@ def segment_covariance(
         (center_1, normal_1), (center_0, normal_0) = ends[0], ends[1]
         change = np.concatenate([center_1 - center_0, basis @ (normal_1 - normal_0)])
         slopes[:, i] = change / (step if i == 3 else 2.0 * step)
-    told = np.asarray(slopes @ spread @ slopes.T)
+    propagated = np.asarray(slopes @ spread @ slopes.T)
     axis = center / np.linalg.norm(center)
-    return told if np.all(np.isfinite(told)) and is_first_order(axis, normal, told) else None
+    is_valid = np.all(np.isfinite(propagated)) and is_first_order(axis, normal, propagated)
+    return propagated if is_valid else None
 
 
 def _pose_of(
@@ -115,29 +122,29 @@ def pose_covariances(
     normal: FloatArray,
     radius: float,
 ) -> FloatArray:
-    """As `pose_covariance` for many at once (..., 5, 5), the axes (..., 3) of their cones known; NaN for none."""
+    """As `pose_covariance` for many at once (..., 5, 5), the axes (..., 3) of their cones known; NaN for None."""
     distance = np.linalg.norm(center, axis=-1)
     # In shares of the distance all parameters are of one kind, which keeps the inverse precise.
     scale = np.ones((*distance.shape, 5))
     scale[..., :3] = distance[..., None]
     with np.errstate(all="ignore"):
         columns = factor / np.linalg.norm(factor, axis=-2, keepdims=True)
-        told = np.isfinite(modes_covariance).all(axis=(-2, -1)) & (np.abs(np.linalg.det(columns)) >= _FLATTEST)
-        proper = np.where(told[..., None, None], factor, np.eye(3))
+        is_known = np.isfinite(modes_covariance).all(axis=(-2, -1)) & (np.abs(np.linalg.det(columns)) >= _FLATTEST)
+        proper = np.where(is_known[..., None, None], factor, np.eye(3))
         slopes = pose_derivatives(proper, center, normal, radius)[..., :5] * scale[..., None, :]
-        told = told & np.isfinite(slopes).all(axis=(-2, -1))
-        told = told & (np.linalg.det(np.where(told[..., None, None], slopes, 0.0)) != 0.0)
-        inverse = np.linalg.inv(np.where(told[..., None, None], slopes, np.eye(5))) * scale[..., None]
-        modes = np.where(told[..., None, None], modes_covariance, np.nan)
+        is_known = is_known & np.isfinite(slopes).all(axis=(-2, -1))
+        is_known = is_known & (np.linalg.det(np.where(is_known[..., None, None], slopes, 0.0)) != 0.0)
+        inverse = np.linalg.inv(np.where(is_known[..., None, None], slopes, np.eye(5))) * scale[..., None]
+        modes = np.where(is_known[..., None, None], modes_covariance, np.nan)
         covariance = inverse @ modes @ np.swapaxes(inverse, -1, -2)
     covariance = (covariance + np.swapaxes(covariance, -1, -2)) / 2.0
-    told = told & np.isfinite(covariance).all(axis=(-2, -1))
-    told = told & is_first_order(axis, normal, np.where(told[..., None, None], covariance, np.eye(5)))
-    return np.where(told[..., None, None], covariance, np.nan)
+    is_known = is_known & np.isfinite(covariance).all(axis=(-2, -1))
+    is_known = is_known & is_first_order(axis, normal, np.where(is_known[..., None, None], covariance, np.eye(5)))
+    return np.where(is_known[..., None, None], covariance, np.nan)
 
 
 def is_first_order(axis: FloatArray, normal: FloatArray, covariance: FloatArray) -> BoolArray:
-    """Tell (...) whether normals (..., 3) with covariances of their poses are surely tilted from their cones' axes.
+    """(...) Whether normals (..., 3) with covariances of their poses are surely tilted from their cones' axes.
 
     Along the axis (..., 3) of its cone no such covariance holds.
     """

@@ -1,6 +1,6 @@
-"""What the errors of the camera and of the radius do to a pose: two terms of its covariance beside the image's noise.
+"""The terms of a pose's covariance that the errors of the camera and of the radius add to the image's noise.
 
-The pixels of a rim are what was measured, so a camera or a radius that is wrong is made up for by the pose. With the
+The pixels of a rim are measured, so the pose compensates an error of the camera or of the radius. With the
 rim's points X(pose) projected by the camera to q, and n the direction across the rim in the image, the pose moves by
 dx = -(A'A)^-1 A'B dk for an error dk of the camera, where A = n . dq/dpose and B = n . dq/dk: least squares over the
 rim, and without a remainder for a lone circle and no distortion. Both errors are the same in every image, so they do
@@ -22,10 +22,10 @@ from circlepose.targets.target import Target
 from circlepose.uncertainty.pose_covariance import is_first_order
 
 TERMS = ("image", "camera", "radius")
-_PLACES = 64
+_SAMPLES = 64
 _SAME_NORMAL = 1e-9
 _SAME_AXIS = 1e-6
-"""Distance of a centre from the other's axis, as a share of its depth, below which both are on one."""
+"""Distance of a center from the other's axis, as a share of its depth, below which both are on one."""
 
 
 def with_all_terms(circles: Iterable[CircleResult], camera: Camera, target: Target) -> list[CircleResult]:
@@ -73,12 +73,12 @@ def camera_slopes(
     center, normal
         (3,) the pose.
     rims
-        Radius of each circle that the pose was measured by, and how far its centre is from `center` along `normal`;
+        Radius of each circle that the pose was measured by, and how far its center is from `center` along `normal`;
         in the unit of `center`. One circle, or all rings of a target.
 
     Returns
     -------
-    (5, 3): centre (three) and two tilts (rad) towards the vectors of `cone.plane_basis(normal)`, per relative change
+    (5, 3): center (three) and two tilts (rad) towards the vectors of `cone.plane_basis(normal)`, per relative change
     of the focal length, per px of the principal point along x and along y.
     """
     by_pose, by_camera = (
@@ -144,7 +144,7 @@ def _same_target(one: CircleResult, other: CircleResult) -> bool:
 
 
 def _rim_of(circle: CircleResult, number: int, candidate: Candidate) -> tuple[float, float] | None:
-    """Return radius and place along the axis of a circle whose pose is one with `candidate`."""
+    """Return radius and position along the axis of a circle that shares its pose with `candidate`, or None."""
     if number >= len(circle.candidates):
         return None
     other = circle.candidates[number]
@@ -162,15 +162,15 @@ def _rim_slopes(
 ) -> tuple[FloatArray, FloatArray]:
     """Return how the rim moves across itself, in px, with the pose (n, 5) and with the camera (n, 3).
 
-    Weighted by the length of the rim that each place stands for.
+    Weighted by the length of the rim that each sample represents.
     """
     basis = np.stack(plane_basis(normal))
-    angle = np.linspace(0.0, 2.0 * np.pi, _PLACES, endpoint=False)
+    angle = np.linspace(0.0, 2.0 * np.pi, _SAMPLES, endpoint=False)
     cos, sin = np.cos(angle)[:, None], np.sin(angle)[:, None]
     in_plane = radius * (cos * basis[0] + sin * basis[1])
     pixels, jacobians = camera.project_with_jacobian(center + along * normal + in_plane)
     tangent = np.einsum("nij,nj->ni", jacobians, radius * (cos * basis[1] - sin * basis[0]))
-    # Its length is that of the rim per place.
+    # Its length is that of the rim per sample.
     across = np.stack([tangent[:, 1], -tangent[:, 0]], axis=-1)
     across = across / np.sqrt(np.linalg.norm(across, axis=-1, keepdims=True))
     # A tilt turns the normal to a vector of the basis, and the plane with it.
@@ -183,6 +183,6 @@ def _rim_slopes(
 
 
 def _finite(by_pose: FloatArray, by_camera: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Leave out what the lens model does not reach."""
+    """Leave out samples outside the valid field of the lens model."""
     seen = np.all(np.isfinite(by_pose), axis=1) & np.all(np.isfinite(by_camera), axis=1)
     return by_pose[seen], by_camera[seen]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from dataclasses import replace
 
 import cv2
@@ -11,16 +12,21 @@ import pytest
 from scipy.spatial import cKDTree
 
 from circlepose.camera.camera import Camera, CameraSigma, circle_contour
-from circlepose.diagnostics.explain import explain, rim_places, stretches_left_out
+from circlepose.diagnostics.explain import explain, rim_places, segments_left_out
 from circlepose.diagnostics.residuals import edge_offsets, level_residuals
 from circlepose.drawing.explanation import MOST_CIRCLES, draw_explanation
 from circlepose.drawing.overlay import draw_overlay
 from circlepose.drawing.plots import diverging, means
 from circlepose.geometry.cone import factor_from_circle
 from circlepose.geometry.ellipse import Ellipse
+from circlepose.io.tables.json_records import image_record
+from circlepose.measurement import edge_fit, intensity_fit, selection
+from circlepose.measurement.options import MeasurementOptions
+from circlepose.pipeline import EstimateOptions, estimate
 from circlepose.results import Flag, Status
 from circlepose.studies.scenes import coaxial_part_scene
 from circlepose.synthesis.render import render
+from circlepose.synthesis.scene import Paint, Rings, Scene
 from circlepose.targets.target import Target
 from circlepose_cli.app import main
 from circlepose_cli.reports.explain.record import report_record
@@ -134,7 +140,7 @@ def test_what_crosses_the_rim_is_left_out_where_it_is():
     assert covered.sum() > 10
     assert np.mean(levels.in_use[covered]) < 0.1
     assert np.all(levels.crosses[covered] | levels.in_use[covered])
-    ((first, last),) = stretches_left_out(circle)
+    ((first, last),) = segments_left_out(circle)
     places = rim_places(ellipse, levels.pixels[covered])
     assert first - 5.0 < places.min()
     assert places.max() < last + 5.0
@@ -144,7 +150,7 @@ def test_what_crosses_the_rim_is_left_out_where_it_is():
 
 def test_nothing_is_left_out_of_a_disc_that_is_whole():
     (circle,) = explain(disc_image(), CAMERA, TARGET).circles
-    assert stretches_left_out(circle) == []
+    assert segments_left_out(circle) == []
     assert not (circle.levels.crosses | circle.levels.beside | circle.levels.clipped).any()
 
 
@@ -159,9 +165,6 @@ def test_pixels_that_are_clipped_are_told_from_those_that_are_odd():
 
 
 def test_it_is_what_estimate_measures():
-    from circlepose import estimate  # noqa: PLC0415
-    from circlepose.io.tables.json_records import image_record  # noqa: PLC0415
-
     explanation = explain(disc_image(), CAMERA, TARGET, name="a")
     assert image_record(explanation.result) == image_record(estimate(disc_image(), CAMERA, TARGET, name="a"))
     (circle,) = explanation.circles
@@ -169,6 +172,60 @@ def test_it_is_what_estimate_measures():
     assert circle.edges.rim_used > 0.9
     assert explanation.contours == 1
     assert explanation.rejected == explanation.result.rejected
+
+
+def rings_image():
+    rings = Rings(np.array([3.0, -2.0, 300.0]), NORMAL, (30.0, 18.0), (Paint(30.0), Paint(220.0)))
+    return render(Scene(camera=CAMERA, targets=(rings,), noise_levels=1.0, noise_seed=3))
+
+
+@pytest.mark.parametrize("kind", ["lone", "hidden in part", "rings", "edges"])
+def test_the_numbers_are_those_of_the_estimate(kind):
+    image, target = disc_image(), TARGET
+    if kind == "hidden in part":
+        image = barred(image)
+    if kind == "rings":
+        image, target = rings_image(), Target("coplanar", (30.0, 18.0))
+    explanation = explain(image, CAMERA, target, refine=kind != "edges")
+    assert len(explanation.circles) == len(explanation.result.circles) == (2 if kind == "rings" else 1)
+    for circle, result in zip(explanation.circles, explanation.result.circles, strict=True):
+        record = report_record(replace(explanation, circles=(circle,)))["stages"][0]
+        assert circle.result is result
+        assert circle.rim.ellipse is result.ellipse
+        assert circle.contour.score == result.score
+        if kind == "edges":
+            assert record["edges"]["residual_px"] == result.residual_px
+            assert record["edges"]["rim_used"] == result.rim_used
+        else:
+            assert circle.levels.is_used
+            assert record["levels"]["rim_used"] == result.rim_used
+            # The fit that left the residuals is the one that the covariance is of.
+            assert circle.rim.modes_covariance is not None
+
+
+@pytest.mark.parametrize("kind", ["lone", "rings"])
+def test_an_image_is_searched_and_fitted_as_often_as_by_estimate(kind, monkeypatch):
+    image, target = (disc_image(), TARGET) if kind == "lone" else (rings_image(), Target("coplanar", (30.0, 18.0)))
+    calls = Counter()
+
+    def counted(module, name):
+        function = getattr(module, name)
+
+        def call(*arguments, **named):
+            calls[name] += 1
+            return function(*arguments, **named)
+
+        monkeypatch.setattr(module, name, call)
+
+    counted(selection, "find_contours")
+    counted(intensity_fit, "fit_to_levels")
+    counted(edge_fit, "locate_edges")
+    estimate(image, CAMERA, target)
+    by_estimate = calls.copy()
+    calls.clear()
+    explain(image, CAMERA, target)
+    assert calls == by_estimate
+    assert calls["find_contours"] == 1
 
 
 def test_places_along_a_rim_go_round_as_its_points_do():
@@ -193,11 +250,18 @@ def test_one_measured_by_edges_alone_is_looked_at_all_the_same():
     explanation = explain(disc_image(), CAMERA, TARGET, refine=False)
     assert explanation.circles[0].levels.noise_levels < 4.0
     assert "not used: --no-refine" in report_text(explanation, "", "")
-    circle = explanation.circles[0]
-    flagged = replace(circle, result=replace(circle.result, flags=(Flag.EDGES_ONLY,)))
-    assert "nothing better than the edges" in report_text(
-        replace(explanation, circles=(flagged,), refine=True), "", ""
-    )
+
+
+def test_why_the_levels_were_not_used_is_named():
+    options = EstimateOptions(MeasurementOptions(worst_noise_share=0.0))
+    explanation = explain(disc_image(), CAMERA, TARGET, options=options)
+    (circle,) = explanation.circles
+    assert Flag.EDGES_ONLY in circle.result.flags
+    assert circle.edges is circle.rim
+    assert not circle.levels.is_used
+    text = report_text(explanation, "", "")
+    assert "not used: the residuals are too large for the contrast" in text
+    assert "located along the predicted rim" in text
 
 
 @pytest.mark.parametrize(("sigma", "radius", "words"), [(3.0, 0.0, "the camera"), (0.1, 0.3, "the radius")])

@@ -159,7 +159,7 @@ def test_the_vanishing_line_settles_a_flat_target_in_one_pose_or_leaves_both_can
             assert circle.ambiguity < 0.05
             assert Flag.AMBIGUOUS not in circle.flags
             assert len(circle.candidates) == 1
-        elif circle.cone != "right" and len(circle.candidates) > 1:
+        elif circle.cone_kind != "right" and len(circle.candidates) > 1:
             assert circle.ambiguity >= 0.05
             assert Flag.AMBIGUOUS in circle.flags
             apart = circle.candidates[0].normal @ target.normal, circle.candidates[1].normal @ target.normal

@@ -13,7 +13,7 @@ from circlepose.camera.camera import Camera, circle_contour
 from circlepose.fitting.cone_fit import fit_cone
 from circlepose.geometry.cone import plane_basis
 from circlepose.imaging.gray import to_grey
-from circlepose.measurement.edge_fit import rim_from_fit
+from circlepose.measurement.rim import rim_from_fit
 from circlepose.results import Status
 from circlepose.rings.guided_search import with_hidden_rims
 from circlepose.rings.matching import match_rings

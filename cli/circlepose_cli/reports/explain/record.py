@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from circlepose.diagnostics.explain import ExplainedCircle, Explanation, stretches_left_out
+from circlepose.diagnostics.explain import ExplainedCircle, Explanation, segments_left_out
 from circlepose.diagnostics.residuals import LevelResiduals
 from circlepose.io.tables.json_records import image_record
 from circlepose.solvers.mirror_view import MirrorView
@@ -42,9 +42,7 @@ def _stages(circle: ExplainedCircle) -> dict[str, Any]:
             "residual_px": contour.residual_px,
             "evidence": contour.evidence,
         },
-        "edges": None
-        if edges is None
-        else {
+        "edges": {
             "places": len(edges.points),
             "rim_used": edges.rim_used,
             "residual_px": edges.cone.rms_px,
@@ -70,10 +68,10 @@ def _levels_record(circle: ExplainedCircle, levels: LevelResiduals) -> dict[str,
         "contrast_levels": levels.contrast_levels,
         "correlation": levels.correlation,
         "rim_used": levels.rim_used,
-        "reach_px": levels.reach_px,
+        "reach_px": levels.half_width_px,
         "pixels": len(levels.pixels),
         "pixels_at_rim_left_out": int(levels.crosses.sum()),
         "pixels_beside_left_out": int(levels.beside.sum()),
         "pixels_clipped": int(levels.clipped.sum()),
-        "stretches_left_out_deg": [list(each) for each in stretches_left_out(circle)],
+        "stretches_left_out_deg": [list(each) for each in segments_left_out(circle)],
     }

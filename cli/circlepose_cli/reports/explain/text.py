@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from circlepose.diagnostics.explain import ExplainedCircle, Explanation, stretches_left_out
+from circlepose.diagnostics.explain import ExplainedCircle, Explanation, segments_left_out
 from circlepose.diagnostics.residuals import LevelResiduals
 from circlepose.io.text.escaping import printable
-from circlepose.results import SETTLED_BY_MEANING, Flag
+from circlepose.measurement.rim import EdgeRim, FittedRim
+from circlepose.results import SETTLED_BY_MEANING
 from circlepose_cli.reports.explain.poses import (
     cue_lines,
     mirror_view_of,
@@ -74,13 +75,17 @@ def _circle_rows(circle: ExplainedCircle, *, refine: bool) -> Iterator[tuple[str
 
 
 def _edges(circle: ExplainedCircle) -> str:
-    if circle.edges is None:
-        return "none placed along this rim"
     edges = circle.edges
-    return (
-        f"{len(edges.points)} places, {edges.rim_used:.0%} of the rim, {edges.cone.rms_px:.3f} px rms from a cone's "
-        f"rim; semi-axes {float(edges.ellipse.semi_major):.2f} and {float(edges.ellipse.semi_minor):.2f} px, to "
+    axes = (
+        f"semi-axes {float(edges.ellipse.semi_major):.2f} and {float(edges.ellipse.semi_minor):.2f} px, to "
         f"{edges.axis_error_px:.3f} px"
+    )
+    if isinstance(edges, FittedRim):
+        return f"none: its sides are too close, a thin ellipse was fitted to its gray levels; {axes}"
+    source = "located along the predicted rim" if edges.is_located_anew else "of the contour"
+    return (
+        f"{len(edges.points)} {source}, {edges.rim_used:.0%} of the rim, "
+        f"{edges.cone.rms_px:.3f} px rms from a cone's rim; {axes}"
     )
 
 
@@ -103,10 +108,10 @@ def _levels(circle: ExplainedCircle, *, refine: bool) -> str:
         parts.append(f"residuals are correlated ({levels.correlation:.1f} times the variance of independent ones)")
     if not refine:
         parts.append("not used: --no-refine")
-    elif Flag.EDGES_ONLY in circle.result.flags:
-        parts.append("not used: they are no better than the edges")
-    elif not levels.converged:
-        parts.append("no fit of the model")
+    elif isinstance(circle.rim, EdgeRim) and circle.rim.level_fit is not None:
+        parts.append(f"not used: {circle.rim.level_fit.reason}")
+    elif not levels.is_used:
+        parts.append("not used: the rim was fitted as a thin ellipse")
     return ", ".join(parts)
 
 
@@ -116,11 +121,11 @@ def _left_out(circle: ExplainedCircle) -> Iterator[str]:
         return
     reasons = _reasons(levels)
     if not any(reasons.values()):
-        yield f"none of the {len(levels.pixels)} pixels in the band of {levels.reach_px:.1f} px each way"
+        yield f"none of the {len(levels.pixels)} pixels in the band of {levels.half_width_px:.1f} px each way"
         return
     total = len(levels.pixels)
     yield ", ".join(f"{number / total:.1%} {reason}" for reason, number in reasons.items() if number)
-    where = stretches_left_out(circle)
+    where = segments_left_out(circle)
     if where:
         yield f"the rim itself at {', '.join(f'{a:.0f} to {b:.0f} deg' for a, b in where)} from the major axis' end"
 

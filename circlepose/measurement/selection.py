@@ -1,0 +1,124 @@
+"""An image -> the measured rims of its circles, as many as the target asks for."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from circlepose._typing import Image
+from circlepose.camera.camera import Camera
+from circlepose.detection.contour import Contour, Rejection
+from circlepose.detection.detect import find_contours
+from circlepose.measurement.edge_fit import fit_rims
+from circlepose.measurement.options import DEFAULT, MeasurementOptions
+from circlepose.measurement.rim import Rim
+from circlepose.results import Failure
+from circlepose.solvers.registry import solve
+from circlepose.targets.target import AxisIntervals, Target
+
+_ALL = 1_000_000
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MeasuredContours:
+    """The contours of one image and the rims that were measured from them."""
+
+    contours: tuple[Contour, ...]
+    """those that detection kept, most evidence first"""
+    rims: tuple[Rim, ...]
+    """of the contours in use, in the same order"""
+    rejected: Counter[Rejection]
+    """how many contours were not used, by reason"""
+
+
+def measure_lone_circles(
+    levels: Image,
+    camera: Camera,
+    target: Target,
+    intervals: AxisIntervals,
+    *,
+    extraction: str,
+    refine: bool,
+    are_starts: bool,
+    options: MeasurementOptions = DEFAULT,
+) -> MeasuredContours:
+    """Measure the rims of as many lone circles as the target asks for, the most evident first.
+
+    The search stops at as many contours as are asked for. Where some of these are not the target's, it is repeated
+    without a limit.
+
+    Parameters
+    ----------
+    levels
+        (h, w) gray image without gaps.
+    camera
+        The calibration for this image size.
+    target
+        A target of kind `circle`, with its polarity, count and depth range.
+    intervals
+        The lengths that the axes of its image can have, px.
+    extraction
+        A name of `circlepose.detection.EXTRACTIONS`.
+    refine, are_starts
+        See `fit_rims`.
+    options
+        The numbers of the measurement.
+    """
+
+    def measured(enough: int | None) -> tuple[MeasuredContours, bool]:
+        found = find_contours(levels, intervals, target.polarity, enough=enough, extraction=extraction)
+        fits = fit_rims(levels, camera, found.contours, refine=refine, are_starts=are_starts, options=options)
+        rims, unused = _selected(fits, camera, target)
+        beyond_count = len(found.contours) - len(rims) - unused.total()
+        rejected = found.rejected + unused + Counter({Rejection.BEYOND_COUNT: beyond_count})
+        return MeasuredContours(found.contours, rims, rejected), found.is_complete
+
+    first, is_complete = measured(target.count)
+    if is_complete or target.count is None or len(first.rims) == target.count:
+        return first
+    return measured(_ALL)[0]
+
+
+def measure_rings(
+    levels: Image,
+    camera: Camera,
+    intervals: AxisIntervals,
+    *,
+    extraction: str,
+    refine: bool,
+    options: MeasurementOptions = DEFAULT,
+) -> MeasuredContours:
+    """Measure all rims of an image, of either polarity, those inside others of the same center too."""
+    found = find_contours(levels, intervals, "any", keep_concentric=True, extraction=extraction)
+    fits = list(fit_rims(levels, camera, found.contours, refine=refine, options=options))
+    rims = tuple(fit for fit in fits if not isinstance(fit, Failure))
+    rejected = found.rejected + Counter({Rejection.NO_POSE: len(fits) - len(rims)})
+    return MeasuredContours(found.contours, rims, rejected)
+
+
+def _selected(
+    fits: Iterable[Rim | Failure], camera: Camera, target: Target
+) -> tuple[tuple[Rim, ...], Counter[Rejection]]:
+    """Return the first rims that can be the target's, as many as it asks for, and why those before are not."""
+    rims: list[Rim] = []
+    unused: list[Rejection] = []
+    for fit in fits:
+        if isinstance(fit, Failure):
+            unused.append(Rejection.NO_POSE)
+        elif not _in_depth_range(fit, camera, target):
+            unused.append(Rejection.DEPTH)
+        else:
+            rims.append(fit)
+            if len(rims) == target.count:
+                break
+    return tuple(rims), Counter(unused)
+
+
+def _in_depth_range(rim: Rim, camera: Camera, target: Target) -> bool:
+    """Whether a candidate pose of the rim is within the target's depth range."""
+    if target.depth_range_mm is None:
+        return True
+    nearest, farthest = target.depth_range_mm
+    solutions = solve("chen-huang", rim.cone.factor, camera.rays(rim.points), target.radii_mm[0])
+    return not isinstance(solutions, Failure) and any(nearest <= z <= farthest for z in solutions.centers[:, 2])
