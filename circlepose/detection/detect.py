@@ -26,7 +26,8 @@ from circlepose.geometry.conic import Ellipse, rim_distance
 from circlepose.imaging.gray import eight_bit, has_low_range
 from circlepose.imaging.pyramid import pyramid
 from circlepose.imaging.subpixel_edges import RimEdges, edges_along
-from circlepose.photometry.thin.fit import THIN_PX, are_thin
+from circlepose.photometry.options import DEFAULT as PHOTOMETRY
+from circlepose.photometry.thin.fit import are_thin
 from circlepose.targets import Polarity
 from circlepose.targets.target import AxisIntervals
 
@@ -86,7 +87,7 @@ def find_contours(
     """
     levels = grey if grey.dtype == np.uint8 and not has_low_range(grey) else grey.astype(np.float32)
     range_ = float(np.ptp(levels[::8]))
-    slivers_wanted = intervals.minor_px is not None and intervals.minor_px[0] < 2.0 * THIN_PX
+    slivers_wanted = intervals.minor_px is not None and intervals.minor_px[0] < 2.0 * PHOTOMETRY.thin.thin_px
     rejected: Counter[Rejection] = Counter()
     found: Candidates | None = None
     kept: list[int] = []
@@ -151,7 +152,7 @@ def _lines(images: list[Image], intervals: AxisIntervals, known: Ellipse, extrac
     thin = []
     for level in reversed(range(min(_SLIVER_LEVELS, len(images)))):
         rough = rough_ellipses(images[level], 2.0**level, intervals, known, Counter(), extraction, lines=True)
-        thin.append(rough[rough.semi_minor < np.minimum(THIN_PX, _LINE_RATIO * rough.semi_major)])
+        thin.append(rough[rough.semi_minor < np.minimum(PHOTOMETRY.thin.thin_px, _LINE_RATIO * rough.semi_major)])
     return thin
 
 

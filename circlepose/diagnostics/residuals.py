@@ -1,6 +1,6 @@
 """What the levels around a rim say against its pose: the model, evaluated again pixel by pixel.
 
-For a person to look at; the fit itself is `photometric`.
+For a person to look at; the fit itself is `photometry.fit`.
 """
 
 from __future__ import annotations
@@ -10,24 +10,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from circlepose._numerics import ROUNDING_VARIANCE
 from circlepose._typing import BoolArray, FloatArray, Image
 from circlepose.camera.camera import Camera
 from circlepose.geometry.conic import Ellipse
-from circlepose.photometry.binary_mask import as_fitted
-from circlepose.photometry.edge_spread import curved, places, straight
-from circlepose.photometry.fit import Expected, LevelsFit, fit_to_levels
-from circlepose.photometry.initialization import (
-    REACH_PX,
-    REACH_SIGMA,
-    first_information,
-    is_curved,
-    level_limits,
-    start_blur,
-)
-from circlepose.photometry.intensity_model import Columns, fit_levels
-from circlepose.photometry.neighbors import bands_that_meet, light_of_neighbours
-from circlepose.photometry.occlusion import QUANTIZATION
-from circlepose.photometry.pixel_band import Bands, bands_around, beyond_bands
+from circlepose.photometry.binary_mask import with_mask_scaled
+from circlepose.photometry.edge_spread import curved_edge_spread, straight_edge_spread
+from circlepose.photometry.fit import fit_to_levels
+from circlepose.photometry.initialization import first_information, is_curved, level_limits, start_blur
+from circlepose.photometry.intensity_model import DesignMatrix, fit_levels
+from circlepose.photometry.levels_fit import BlurPrior, LevelsFit
+from circlepose.photometry.neighbors import bands_that_meet, neighbor_intensity
+from circlepose.photometry.options import DEFAULT as PHOTOMETRY
+from circlepose.photometry.pixel_band import Bands, bands_around, outer_samples
+from circlepose.photometry.rim_coordinates import rim_coordinates
 
 _AT_RIM_SIGMA = 2.0
 _FIRST_ORDER_PX = 0.5
@@ -55,7 +51,7 @@ class LevelResiduals:
     sigma_px: float
     """blur, the pixel's own box included"""
     unequal: tuple[float, float]
-    """how the blur's variance differs by direction: cos and sin of twice the angle; see `blurred_share`"""
+    """how the blur's variance differs by direction: cos and sin of twice the angle; see `edge_spread`"""
     noise_levels: float
     """standard deviation of the residuals in use about this model"""
     contrast_levels: float
@@ -90,24 +86,25 @@ def level_residuals(
     The levels are fitted anew, and the model then put at the cone that was given: what it misses there is told. None
     of a rim whose band has next to no pixels.
     """
-    grey = as_fitted(grey, ellipses)
+    grey = with_mask_scaled(grey, ellipses)
     first = [
-        _fit(grey, camera, e, f, REACH_PX, start_blur(1)[0], None) for e, f in zip(ellipses, factors, strict=True)
+        _fit(grey, camera, e, f, PHOTOMETRY.band_half_width_px, start_blur(1)[0], None)
+        for e, f in zip(ellipses, factors, strict=True)
     ]
     # Of a rim whose levels are not understood, what it adds to those of others is not known.
     known = [fit if fit is not None and fit.converged[0] else None for _, fit in first]
     blur = np.array([start_blur(1)[0] if fit is None else fit.blur[0] for fit in known]).reshape(-1, 3)
     contrast = np.array([0.0 if fit is None else fit.contrast_levels[0] for fit in known])
     sigma = np.exp(blur[:, 0])
-    reach = np.maximum(REACH_PX, REACH_SIGMA * sigma)
-    meeting = bands_that_meet(ellipses, reach + REACH_SIGMA * sigma, contrast)
+    reach = np.maximum(PHOTOMETRY.band_half_width_px, PHOTOMETRY.band_half_width_sigmas * sigma)
+    meeting = bands_that_meet(ellipses, reach + PHOTOMETRY.band_half_width_sigmas * sigma, contrast)
     found = []
     for number, (ellipse, factor) in enumerate(zip(ellipses, factors, strict=True)):
         bands, fit = first[number]
         beside = np.zeros(bands.levels.shape)
-        if meeting[number] or reach[number] > REACH_PX:
+        if meeting[number] or reach[number] > PHOTOMETRY.band_half_width_px:
             bands = bands_around(grey, camera, [ellipse], reach[[number]])
-            beside = light_of_neighbours(bands.pixels, np.array([number]), ellipses, sigma, contrast, reach)
+            beside = neighbor_intensity(bands.pixels, np.array([number]), ellipses, sigma, contrast, reach)
             bands, fit = _fit(grey, camera, ellipse, factor, reach[number], blur[number], beside)
         found.append(None if fit is None else _residuals(bands, fit, ellipse, factor, beside, reach[number], grey))
     return found
@@ -145,11 +142,11 @@ def _fit(
         bands,
         factor[None],
         blur[None],
-        Expected(blur[None] * [1.0, 0.0, 0.0], first_information(1)),
+        BlurPrior(blur[None] * [1.0, 0.0, 0.0], first_information(1)),
         np.array([perimeter]),
         limits,
-        beside=beside,
-        beyond=beyond_bands(grey, camera, [ellipse], reach, limits),
+        neighbors=beside,
+        outer=outer_samples(grey, camera, [ellipse], reach, limits),
         is_curved=is_curved(ellipse),
     )
     return bands, fit
@@ -167,10 +164,10 @@ def _residuals(
     low, high = level_limits(grey)
     clipped = (bands.levels[0] <= low) | (bands.levels[0] >= high)
     bands = bands.less(beside).weighted(fit.weight)
-    at = places(bands, factor[None])
+    at = rim_coordinates(bands, factor[None])
     model, slope = _model(bands, fit, fit.factors, ellipse)
     # The levels belong to the rim that they were fitted with: they would take up a third of a step aside.
-    aside = (at.distance_px - places(bands, fit.factors).distance_px)[0]
+    aside = (at.distance_px - rim_coordinates(bands, fit.factors).distance_px)[0]
     if fit.converged[0] and float(np.max(np.abs(aside))) < _FIRST_ORDER_PX:
         model = model - slope * aside
     else:
@@ -189,7 +186,7 @@ def _residuals(
         reach_px=float(reach_px),
         sigma_px=float(np.exp(fit.blur[0, 0])),
         unequal=(float(fit.blur[0, 1]), float(fit.blur[0, 2])),
-        noise_levels=float(np.sqrt(max(square, QUANTIZATION))),
+        noise_levels=float(np.sqrt(max(square, ROUNDING_VARIANCE))),
         contrast_levels=float(fit.contrast_levels[0]),
         correlation=float(fit.correlation[0]),
         rim_used=float(fit.rim_used[0]),
@@ -199,9 +196,9 @@ def _residuals(
 
 def _model(bands: Bands, fit: LevelsFit, factors: FloatArray, ellipse: Ellipse) -> tuple[FloatArray, FloatArray]:
     """Return the model's levels (k,) with the rim of `factors` (1, 3, 3), and their change per px of its growth."""
-    at = places(bands, factors)
-    share = (curved if is_curved(ellipse) else straight)(at, fit.blur)
-    levels = fit_levels(Columns.of(bands, at, share), fit.stiff)
+    at = rim_coordinates(bands, factors)
+    share = (curved_edge_spread if is_curved(ellipse) else straight_edge_spread)(at, fit.blur)
+    levels = fit_levels(DesignMatrix.of(bands, at, share), fit.prior_precision)
     # The first mode is a growth of the rim as a share of its radius.
-    slope = levels.slopes[0, 0] * (at.slope / np.maximum(at.radius, 1e-9))[0]
+    slope = levels.slopes[0, 0] * (at.radial_across / np.maximum(at.radius, 1e-9))[0]
     return np.asarray(levels.model[0], dtype=np.float64), np.asarray(slope, dtype=np.float64)

@@ -13,7 +13,7 @@ from circlepose.fitting.cone_fit import ConeFit
 from circlepose.fitting.cone_projection import image_ellipses, residuals_px
 from circlepose.geometry.conic import Ellipse, rim_distance
 from circlepose.measurement.edge_fit import Rim
-from circlepose.photometry.fit import LevelsFit
+from circlepose.photometry.levels_fit import LevelsFit
 
 _WORST_NOISE = 0.3
 """Standard deviation of the residuals, as a share of the contrast."""

@@ -27,7 +27,7 @@ from circlepose.geometry.cone import SIGNATURE, principal_frame
 from circlepose.geometry.cone_perturbation import MODES, amounts_between
 from circlepose.geometry.conic import Ellipse
 from circlepose.imaging.subpixel_edges import contour_normals, locate_edges
-from circlepose.photometry.thin.fit import STRUCTURED, ThinEllipse, are_thin, fit_thin_ellipse
+from circlepose.photometry.thin.fit import ThinEllipse, are_thin, fit_thin_ellipse
 
 _REACH_PX = 2.5
 _SPACING_PX = 1.5
@@ -243,7 +243,7 @@ def _has_settled_length(fitted: ThinEllipse) -> bool:
 def _is_settled(fitted: ThinEllipse) -> bool:
     """Tell whether what is seen of a partly hidden sliver settles its length, and none of what hides it is left."""
     error = float(np.sqrt(fitted.covariance[2, 2]))
-    return error < _WORST_MAJOR * float(fitted.ellipse.semi_major) and fitted.structure < STRUCTURED
+    return error < _WORST_MAJOR * float(fitted.ellipse.semi_major) and not fitted.is_structured
 
 
 def _spans(rim: Rim) -> bool:

@@ -13,19 +13,13 @@ from circlepose.camera.camera import Camera
 from circlepose.imaging.float_levels import without_gaps
 from circlepose.measurement.acceptance import accepted
 from circlepose.measurement.edge_fit import Rim, with_edges_placed
-from circlepose.photometry.binary_mask import as_fitted
-from circlepose.photometry.fit import Expected, fit_to_levels
-from circlepose.photometry.initialization import (
-    LOOSE,
-    REACH_PX,
-    REACH_SIGMA,
-    first_information,
-    is_curved,
-    level_limits,
-    start_blur,
-)
-from circlepose.photometry.neighbors import bands_that_meet, light_of_neighbours
-from circlepose.photometry.pixel_band import bands_around, beyond_bands
+from circlepose.photometry.binary_mask import with_mask_scaled
+from circlepose.photometry.fit import fit_to_levels
+from circlepose.photometry.initialization import first_information, is_curved, level_limits, start_blur
+from circlepose.photometry.levels_fit import BlurPrior
+from circlepose.photometry.neighbors import bands_that_meet, neighbor_intensity
+from circlepose.photometry.options import DEFAULT as PHOTOMETRY
+from circlepose.photometry.pixel_band import bands_around, outer_samples
 
 _MOST_PIXELS = 22_000
 _TIGHT = 0.03
@@ -47,13 +41,13 @@ def refined(grey: Image, camera: Camera, rims: Sequence[Rim]) -> list[Rim]:
     Pixels without a level (NaN) do not count.
     """
     whole = without_gaps(grey)
-    grey = as_fitted(grey, [rim.ellipse for rim in rims])
+    grey = with_mask_scaled(grey, [rim.ellipse for rim in rims])
     limits = level_limits(grey)
     done = list(rims)
     unfitted = [rim.modes_covariance is None and rim.ellipse_covariance is None for rim in rims]
     open_ = [i for i, rim in enumerate(rims) if unfitted[i] or _has_two_sides(rim)]
     many = len(open_) >= _MANY
-    reach = np.full(len(rims), REACH_PX)
+    reach = np.full(len(rims), PHOTOMETRY.band_half_width_px)
     blur = start_blur(len(rims))
     variance = np.full((len(rims), 3), np.inf)
     contrast = np.zeros(len(rims))
@@ -61,9 +55,9 @@ def refined(grey: Image, camera: Camera, rims: Sequence[Rim]) -> list[Rim]:
     ellipses = [rim.ellipse for rim in rims]
     for again in (False, True):
         sigma = np.exp(blur[:, 0])
-        blurred = REACH_SIGMA * sigma > 1.1 * reach
-        crowded = bands_that_meet(ellipses, reach + REACH_SIGMA * sigma, contrast)
-        first = Expected(blur * [1.0, 0.0, 0.0], first_information(len(rims)))
+        blurred = PHOTOMETRY.band_half_width_sigmas * sigma > 1.1 * reach
+        crowded = bands_that_meet(ellipses, reach + PHOTOMETRY.band_half_width_sigmas * sigma, contrast)
+        first = BlurPrior(blur * [1.0, 0.0, 0.0], first_information(len(rims)))
         expected = _expected(blur, variance) if again and many else first
         is_unequal = many and expected.mean[:, 1:].any()
         order = [i for i in open_ if not again or blurred[i] or crowded[i] or (small[i] and is_unequal)]
@@ -71,7 +65,7 @@ def refined(grey: Image, camera: Camera, rims: Sequence[Rim]) -> list[Rim]:
             break
         order.sort(key=lambda i: (is_curved(rims[i].ellipse), _perimeter(rims[i])))
         if again:
-            reach = np.where(blurred, REACH_SIGMA * sigma, reach)
+            reach = np.where(blurred, PHOTOMETRY.band_half_width_sigmas * sigma, reach)
         neighbours = (ellipses, sigma, contrast.copy())
         fits: dict[int, Rim] = {}
         for chunk in _chunks(order, rims, reach):
@@ -85,8 +79,8 @@ def refined(grey: Image, camera: Camera, rims: Sequence[Rim]) -> list[Rim]:
                 rows(expected, which),
                 np.array([_perimeter(rims[i]) for i in chunk]),
                 limits,
-                beside=light_of_neighbours(bands.pixels, which, *neighbours, reach),
-                beyond=beyond_bands(grey, camera, around, reach[which], limits),
+                neighbors=neighbor_intensity(bands.pixels, which, *neighbours, reach),
+                outer=outer_samples(grey, camera, around, reach[which], limits),
                 is_curved=is_curved(rims[chunk[0]].ellipse),
             )
             found = accepted(grey, camera, [rims[i] for i in chunk], fit, ~crowded[which])
@@ -128,14 +122,14 @@ def _chunks(order: Sequence[int], rims: Sequence[Rim], reach: FloatArray) -> Ite
         yield chunk
 
 
-def _expected(blur: FloatArray, variance: FloatArray) -> Expected:
+def _expected(blur: FloatArray, variance: FloatArray) -> BlurPrior:
     """Return what the blurs of all rims say of each: unequal blur is the camera's, and much the same for all."""
     posterior = 1.0 / variance[:, 1:]
-    told = np.where(posterior > 0.0, posterior - LOOSE**-2, 0.0).sum(axis=0)
-    mean = (posterior * blur[:, 1:]).sum(axis=0) / np.maximum(told, LOOSE**-2)
+    told = np.where(posterior > 0.0, posterior - PHOTOMETRY.anisotropy_sigma**-2, 0.0).sum(axis=0)
+    mean = (posterior * blur[:, 1:]).sum(axis=0) / np.maximum(told, PHOTOMETRY.anisotropy_sigma**-2)
     if np.hypot(*mean) < _LEAST_UNEQUAL:
         mean = np.zeros(2)
     count = len(blur)
-    return Expected(
+    return BlurPrior(
         np.column_stack([blur[:, 0], np.tile(mean, (count, 1))]), np.tile([0.0, *[_TIGHT**-2] * 2], (count, 1))
     )

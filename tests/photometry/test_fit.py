@@ -16,9 +16,10 @@ from circlepose.geometry.cone_perturbation import amounts_between, dual_circle, 
 from circlepose.geometry.conic import Ellipse
 from circlepose.measurement.edge_fit import rim_from_fit
 from circlepose.measurement.intensity_fit import refined
-from circlepose.photometry.edge_spread import curved, places, straight
-from circlepose.photometry.intensity_model import LINEAR, Columns, fit_levels
+from circlepose.photometry.edge_spread import curved_edge_spread, straight_edge_spread
+from circlepose.photometry.intensity_model import DesignMatrix, fit_levels
 from circlepose.photometry.pixel_band import bands_around
+from circlepose.photometry.rim_coordinates import LEVELS, rim_coordinates
 from circlepose.synthesis.render import render
 from circlepose.synthesis.scene import Disc, Paint, Scene, Texture
 
@@ -204,33 +205,38 @@ def seen(radius_px, tilt_deg, reach=4.0):
     return double, factor, rim.ellipse
 
 
-@pytest.mark.parametrize("way", [straight, curved])
+@pytest.mark.parametrize("way", [straight_edge_spread, curved_edge_spread])
 def test_derivatives_of_the_share(way):
     bands, factor, _ = seen(20.0, 40.0)
     blur = np.array([[np.log(0.9), 0.1, -0.05]])
-    share = way(places(bands, factor), blur)
+    spread = way(rim_coordinates(bands, factor), blur)
     step = 1e-5
     for i in range(5):
         amounts = np.zeros(5)
         amounts[i] = step
-        high = way(places(bands, grown(factor, amounts[None])), blur).share
-        low = way(places(bands, grown(factor, -amounts[None])), blur).share
+        high = way(rim_coordinates(bands, grown(factor, amounts[None])), blur).coverage
+        low = way(rim_coordinates(bands, grown(factor, -amounts[None])), blur).coverage
         numeric = (high - low) / (2.0 * step)
         scale = np.max(np.abs(numeric))
-        # `straight` takes the curvature for constant along the rim.
-        assert np.max(np.abs(share.by_parameters[:, i] - numeric)) < (0.06 if way is straight else 0.03) * scale
+        # `straight_edge_spread` takes the curvature for constant along the rim.
+        assert (
+            np.max(np.abs(spread.derivatives[:, i] - numeric))
+            < (0.06 if way is straight_edge_spread else 0.03) * scale
+        )
     for i in range(3):
         moved = np.zeros((1, 3))
         moved[0, i] = step
-        at = places(bands, factor)
-        numeric = (way(at, blur + moved).share - way(at, blur - moved).share) / (2.0 * step)
-        np.testing.assert_allclose(share.by_parameters[:, 5 + i], numeric, atol=1e-6)
+        at = rim_coordinates(bands, factor)
+        numeric = (way(at, blur + moved).coverage - way(at, blur - moved).coverage) / (2.0 * step)
+        np.testing.assert_allclose(spread.derivatives[:, 5 + i], numeric, atol=1e-6)
 
 
 def test_both_ways_agree_where_the_rim_is_nearly_straight():
     bands, factor, _ = seen(150.0, 20.0)
-    at, blur = places(bands, factor), np.array([[np.log(0.8), 0.0, 0.0]])
-    np.testing.assert_allclose(straight(at, blur).share, curved(at, blur).share, atol=1e-4)
+    at, blur = rim_coordinates(bands, factor), np.array([[np.log(0.8), 0.0, 0.0]])
+    np.testing.assert_allclose(
+        straight_edge_spread(at, blur).coverage, curved_edge_spread(at, blur).coverage, atol=1e-4
+    )
 
 
 @pytest.mark.parametrize(("radius_px", "tilt_deg"), [(4.0, 20.0), (6.0, 50.0), (12.0, 60.0)])
@@ -238,7 +244,7 @@ def test_the_share_of_a_small_disc_is_exact(radius_px, tilt_deg):
     """Against the ellipse's indicator on a grid 20 times finer, blurred by sums."""
     bands, factor, ellipse = seen(radius_px, tilt_deg, reach=3.0)
     sigma = 0.8
-    share = curved(places(bands, factor), np.array([[np.log(sigma), 0.0, 0.0]])).share[0]
+    share = curved_edge_spread(rim_coordinates(bands, factor), np.array([[np.log(sigma), 0.0, 0.0]])).coverage[0]
     used = bands.weight[0] > 0.0
     for pixel, value in zip(bands.pixels[0][used][::7], share[used][::7], strict=True):
         assert value == pytest.approx(blurred_indicator(ellipse, pixel, sigma), abs=0.006)
@@ -263,12 +269,12 @@ def test_unequal_blur_is_told_from_a_tilt():
     factor = factor_from_circle(disc.center_mm, disc.normal, disc.radius_mm)[None]
     rim = start(scene, 0.0, 12)
     bands = bands_around(image, scene.camera, [rim.ellipse], np.array([4.0]))
-    at = places(bands, factor)
+    at = rim_coordinates(bands, factor)
 
     def rms(alpha):
         variance = 0.3**2 + 1.0 / 12.0 + (1.2**2 + 0.8**2) / 2.0
-        share = curved(at, np.array([[np.log(variance) / 2.0, alpha, 0.0]]))
-        return float(fit_levels(Columns.of(bands, at, share), np.zeros((1, LINEAR))).square[0])
+        share = curved_edge_spread(at, np.array([[np.log(variance) / 2.0, alpha, 0.0]]))
+        return float(fit_levels(DesignMatrix.of(bands, at, share), np.zeros((1, LEVELS))).square[0])
 
     wanted = (1.2**2 - 0.8**2) / (1.2**2 + 0.8**2 + 2.0 * (0.3**2 + 1.0 / 12.0))
     assert rms(wanted) < 0.1 * rms(0.0)

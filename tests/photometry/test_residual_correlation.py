@@ -7,7 +7,7 @@ import pytest
 from scipy.special import ndtr
 
 from circlepose.geometry.cone_perturbation import mode_shapes
-from circlepose.photometry.residual_correlation import correlation_of
+from circlepose.photometry.residual_correlation import residual_correlation
 
 ACROSS = np.linspace(-2.5, 2.5, 11)
 
@@ -39,7 +39,7 @@ def told(stretches, noise):
     many = np.broadcast_to(stretch, noise.shape)
     inverses = np.broadcast_to(np.linalg.inv(matrix), (len(noise), *matrix.shape))
     number = np.full(len(noise), stretches)
-    return correlation_of(slopes, residual, many, number, inverses, variance), estimates, matrix, variance
+    return residual_correlation(slopes, residual, many, number, inverses, variance), estimates, matrix, variance
 
 
 @pytest.mark.parametrize("stretches", [12, 24, 72])
