@@ -4,8 +4,8 @@ With s2 the mean squared residual (squared levels) of a cell of n pixels (`segme
 of the same zone and C the contrast (levels), a cell is an outlier if three conditions hold:
 
     (s2 / s0 - 1) sqrt(n / 2) > 6    significant: for independent noise the left side has a standard deviation of 1,
-    s2 / s0 > 4                      strong beside the noise,
-    sqrt(s2) > 0.05 C                strong beside the edge.
+    s2 / s0 > 4                      large relative to the noise,
+    sqrt(s2) > 0.05 C                large relative to the edge.
 
 The numbers are the defaults of `PhotometryOptions`.
 """

@@ -53,9 +53,9 @@ def blurred(ellipse: Ellipse, pixels: np.ndarray, sigma: float) -> np.ndarray:
 def test_the_share_of_a_sliver_is_exact_up_to_its_tips(semi_major, semi_minor, sigma):
     bands, factor, ellipse = around(semi_major, semi_minor)
     share = curved_edge_spread(rim_coordinates(bands, factor), np.array([[np.log(sigma), 0.0, 0.0]])).coverage[0]
-    off = (share - blurred(ellipse, bands.pixels[0], sigma)) * bands.weight[0]
-    assert np.max(np.abs(off)) < 3e-3
-    assert np.sqrt(np.mean(off**2)) < 2e-4
+    error = (share - blurred(ellipse, bands.pixels[0], sigma)) * bands.weight[0]
+    assert np.max(np.abs(error)) < 3e-3
+    assert np.sqrt(np.mean(error**2)) < 2e-4
 
 
 @pytest.mark.parametrize(("semi_major", "semi_minor"), [(60.0, 3.2), (130.0, 4.5), (130.0, 11.5)])
@@ -75,8 +75,8 @@ def test_the_derivatives_at_tips_are_those_of_the_share(semi_major, semi_minor):
             for side in (1.0, -1.0)
         )
         slopes = spread.derivatives[0, i]
-        off = np.abs((high - low) / (2.0 * step) - slopes)[near]
-        assert np.max(off) < 0.02 * np.max(np.abs(slopes))
+        error = np.abs((high - low) / (2.0 * step) - slopes)[near]
+        assert np.max(error) < 0.02 * np.max(np.abs(slopes))
 
 
 @pytest.mark.parametrize(("semi_major", "tilt_deg"), [(60.0, 86.0), (130.0, 87.5), (130.0, 88.0)])
