@@ -28,7 +28,8 @@ from circlepose.geometry.ellipse import Ellipse, rim_distance
 from circlepose.imaging.gray import eight_bit, has_low_range
 from circlepose.imaging.pyramid import pyramid
 from circlepose.imaging.subpixel_edges import RimEdges, edges_along
-from circlepose.photometry.thin.fit import THIN_PX, are_thin
+from circlepose.photometry.options import DEFAULT as PHOTOMETRY
+from circlepose.photometry.thin.fit import are_thin
 from circlepose.targets import Polarity
 from circlepose.targets.target import AxisIntervals
 
@@ -82,7 +83,7 @@ def find_contours(
     """
     levels = grey if grey.dtype == np.uint8 and not has_low_range(grey) else grey.astype(np.float32)
     range_ = float(np.ptp(levels[::8]))
-    slivers_wanted = intervals.minor_px is not None and intervals.minor_px[0] < 2.0 * THIN_PX
+    slivers_wanted = intervals.minor_px is not None and intervals.minor_px[0] < 2.0 * PHOTOMETRY.thin.thin_px
     has_length = intervals.major_px is not None
     rejected: Counter[Rejection] = Counter()
     found: Candidates | None = None
@@ -165,7 +166,9 @@ def _lines(
         rough = rough_ellipses(
             images[level], 2.0**level, intervals, known, extraction, lines=True, options=options
         ).ellipse
-        thin.append(rough[rough.semi_minor < np.minimum(THIN_PX, options.line_ratio * rough.semi_major)])
+        thin.append(
+            rough[rough.semi_minor < np.minimum(PHOTOMETRY.thin.thin_px, options.line_ratio * rough.semi_major)]
+        )
     return thin
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from circlepose._numerics import ROUNDING_VARIANCE
 from circlepose._typing import BoolArray, FloatArray, Image
 from circlepose.camera.camera import Camera
 from circlepose.fitting.cone_fit import ConeFit
@@ -14,11 +15,11 @@ from circlepose.geometry.ellipse import Ellipse
 from circlepose.measurement import intensity_fit
 from circlepose.measurement.intensity_fit import LevelFit
 from circlepose.measurement.rim import EdgeRim
-from circlepose.photometry.edge_spread import curved, places, straight
-from circlepose.photometry.fit import LevelsFit
-from circlepose.photometry.intensity_model import Columns, fit_levels
-from circlepose.photometry.occlusion import QUANTIZATION
+from circlepose.photometry.edge_spread import curved_edge_spread, straight_edge_spread
+from circlepose.photometry.intensity_model import DesignMatrix, fit_levels
+from circlepose.photometry.levels_fit import LevelsFit
 from circlepose.photometry.pixel_band import Bands
+from circlepose.photometry.rim_coordinates import rim_coordinates
 
 _AT_RIM_SIGMA = 2.0
 """Blurs; a pixel this close to the rim lies at the rim itself; by eye."""
@@ -129,10 +130,10 @@ def residuals_of_fit(fit: LevelFit, factor: FloatArray) -> LevelResiduals | None
     clipped = (fit.bands.levels[0] <= low) | (fit.bands.levels[0] >= high)
     own, neighbors = fit.fit, fit.neighbors[0]
     bands = fit.bands.less(fit.neighbors).weighted(own.weight)
-    at = places(bands, factor[None])
+    at = rim_coordinates(bands, factor[None])
     model, slope = _model(bands, own, own.factors, is_curved=fit.is_curved)
     # The levels belong to the rim that was fitted: fitted again, they would absorb a third of a step aside.
-    aside = (at.distance_px - places(bands, own.factors).distance_px)[0]
+    aside = (at.distance_px - rim_coordinates(bands, own.factors).distance_px)[0]
     if own.converged[0] and float(np.max(np.abs(aside))) < _FIRST_ORDER_PX:
         model = model - slope * aside
     else:
@@ -151,7 +152,7 @@ def residuals_of_fit(fit: LevelFit, factor: FloatArray) -> LevelResiduals | None
         half_width_px=fit.half_width_px,
         sigma_px=float(np.exp(own.blur[0, 0])),
         unequal=(float(own.blur[0, 1]), float(own.blur[0, 2])),
-        noise_levels=float(np.sqrt(max(square, QUANTIZATION))),
+        noise_levels=float(np.sqrt(max(square, ROUNDING_VARIANCE))),
         contrast_levels=float(own.contrast_levels[0]),
         correlation=float(own.correlation[0]),
         rim_used=float(own.rim_used[0]),
@@ -187,9 +188,9 @@ def edge_offsets(residuals: LevelResiduals, place: FloatArray, number: int) -> t
 
 def _model(bands: Bands, fit: LevelsFit, factors: FloatArray, *, is_curved: bool) -> tuple[FloatArray, FloatArray]:
     """Return the model's levels (k,) with the rim of `factors` (1, 3, 3), and their change per px of its growth."""
-    at = places(bands, factors)
-    share = (curved if is_curved else straight)(at, fit.blur)
-    levels = fit_levels(Columns.of(bands, at, share), fit.stiff)
+    at = rim_coordinates(bands, factors)
+    share = (curved_edge_spread if is_curved else straight_edge_spread)(at, fit.blur)
+    levels = fit_levels(DesignMatrix.of(bands, at, share), fit.prior_precision)
     # The first mode is a growth of the rim as a share of its radius.
-    slope = levels.slopes[0, 0] * (at.slope / np.maximum(at.radius, 1e-9))[0]
+    slope = levels.slopes[0, 0] * (at.radial_across / np.maximum(at.radius, 1e-9))[0]
     return np.asarray(levels.model[0], dtype=np.float64), np.asarray(slope, dtype=np.float64)

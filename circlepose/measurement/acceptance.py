@@ -13,7 +13,7 @@ from circlepose.fitting.cone_projection import image_ellipses, residuals_px
 from circlepose.geometry.ellipse import Ellipse, rim_distance
 from circlepose.measurement.options import MeasurementOptions
 from circlepose.measurement.rim import EdgeRim, FittedRim, Rim
-from circlepose.photometry.fit import LevelsFit
+from circlepose.photometry.levels_fit import LevelsFit
 from circlepose.results import Failure, Status
 
 _SAMPLES = 48

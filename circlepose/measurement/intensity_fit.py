@@ -15,19 +15,18 @@ from circlepose.measurement.acceptance import accepted
 from circlepose.measurement.edge_fit import with_edges_located
 from circlepose.measurement.options import DEFAULT, MeasurementOptions
 from circlepose.measurement.rim import EdgeRim, FittedRim, Rim
-from circlepose.photometry.binary_mask import as_fitted
-from circlepose.photometry.fit import Expected, LevelsFit, fit_to_levels
+from circlepose.photometry.binary_mask import with_mask_scaled
+from circlepose.photometry.fit import fit_to_levels
 from circlepose.photometry.initialization import (
-    LOOSE,
-    REACH_PX,
-    REACH_SIGMA,
     first_information,
     is_curved,
     level_limits,
     start_blur,
 )
-from circlepose.photometry.neighbors import bands_that_meet, light_of_neighbours
-from circlepose.photometry.pixel_band import Bands, bands_around, beyond_bands
+from circlepose.photometry.levels_fit import BlurPrior, LevelsFit
+from circlepose.photometry.neighbors import bands_that_meet, neighbor_intensity
+from circlepose.photometry.options import DEFAULT as PHOTOMETRY
+from circlepose.photometry.pixel_band import Bands, bands_around, outer_samples
 from circlepose.results import Failure
 
 
@@ -92,13 +91,13 @@ def fit_levels(
     The rims in the same order. A rim whose fit is rejected is that of its edges, with the reason.
     """
     whole = without_gaps(gray)
-    gray = as_fitted(gray, [rim.ellipse for rim in rims])
+    gray = with_mask_scaled(gray, [rim.ellipse for rim in rims])
     limits = level_limits(gray)
     done: list[FittedRim | Failure | None] = [None] * len(rims)
     kept: list[LevelFit | None] = [None] * len(rims)
     chosen = [i for i, rim in enumerate(rims) if isinstance(rim, EdgeRim) or _has_two_sides(rim, options)]
     are_many = len(chosen) >= options.least_rims_for_blur
-    half_width = np.full(len(rims), REACH_PX)
+    half_width = np.full(len(rims), PHOTOMETRY.band_half_width_px)
     blur = start_blur(len(rims))
     variance = np.full((len(rims), 3), np.inf)
     contrast = np.zeros(len(rims))
@@ -106,9 +105,9 @@ def fit_levels(
     ellipses = [rim.ellipse for rim in rims]
     for again in (False, True):
         sigma = np.exp(blur[:, 0])
-        is_blurred = REACH_SIGMA * sigma > 1.1 * half_width
-        is_crowded = bands_that_meet(ellipses, half_width + REACH_SIGMA * sigma, contrast)
-        prior = Expected(blur * [1.0, 0.0, 0.0], first_information(len(rims)))
+        is_blurred = PHOTOMETRY.band_half_width_sigmas * sigma > 1.1 * half_width
+        is_crowded = bands_that_meet(ellipses, half_width + PHOTOMETRY.band_half_width_sigmas * sigma, contrast)
+        prior = BlurPrior(blur * [1.0, 0.0, 0.0], first_information(len(rims)))
         if again and are_many:
             prior = _shared_blur(blur, variance, options)
         is_unequal = are_many and prior.mean[:, 1:].any()
@@ -117,14 +116,14 @@ def fit_levels(
             break
         order.sort(key=lambda i: (is_curved(rims[i].ellipse), _perimeter(rims[i])))
         if again:
-            half_width = np.where(is_blurred, REACH_SIGMA * sigma, half_width)
+            half_width = np.where(is_blurred, PHOTOMETRY.band_half_width_sigmas * sigma, half_width)
         neighbors = (ellipses, sigma, contrast.copy())
         latest = _current(rims, done)
         for chunk in _chunks(order, rims, half_width, options):
             which = np.array(chunk)
             around = [latest[i].ellipse for i in chunk]
             bands = bands_around(gray, camera, around, half_width[which])
-            beside = light_of_neighbours(bands.pixels, which, *neighbors, half_width)
+            beside = neighbor_intensity(bands.pixels, which, *neighbors, half_width)
             fit = fit_to_levels(
                 bands,
                 np.stack([latest[i].cone.factor for i in chunk]),
@@ -132,8 +131,8 @@ def fit_levels(
                 rows(prior, which),
                 np.array([_perimeter(rims[i]) for i in chunk]),
                 limits,
-                beside=beside,
-                beyond=beyond_bands(gray, camera, around, half_width[which], limits),
+                neighbors=beside,
+                outer=outer_samples(gray, camera, around, half_width[which], limits),
                 is_curved=is_curved(rims[chunk[0]].ellipse),
             )
             found = accepted(gray, camera, [rims[i] for i in chunk], fit, ~is_crowded[which], options)
@@ -210,15 +209,15 @@ def _chunks(
         yield chunk
 
 
-def _shared_blur(blur: FloatArray, variance: FloatArray, options: MeasurementOptions) -> Expected:
+def _shared_blur(blur: FloatArray, variance: FloatArray, options: MeasurementOptions) -> BlurPrior:
     """Return a prior for each blur from all of them: unequal blur is the camera's, and much the same for all."""
     posterior = 1.0 / variance[:, 1:]
-    information = np.where(posterior > 0.0, posterior - LOOSE**-2, 0.0).sum(axis=0)
-    mean = (posterior * blur[:, 1:]).sum(axis=0) / np.maximum(information, LOOSE**-2)
+    information = np.where(posterior > 0.0, posterior - PHOTOMETRY.anisotropy_sigma**-2, 0.0).sum(axis=0)
+    mean = (posterior * blur[:, 1:]).sum(axis=0) / np.maximum(information, PHOTOMETRY.anisotropy_sigma**-2)
     if np.hypot(*mean) < options.least_blur_inequality:
         mean = np.zeros(2)
     count = len(blur)
-    return Expected(
+    return BlurPrior(
         np.column_stack([blur[:, 0], np.tile(mean, (count, 1))]),
         np.tile([0.0, *[options.shared_blur_sigma**-2] * 2], (count, 1)),
     )

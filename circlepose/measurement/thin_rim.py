@@ -15,7 +15,7 @@ from circlepose.geometry.cone_perturbation import coefficients_between
 from circlepose.geometry.ellipse import Ellipse
 from circlepose.measurement.options import MeasurementOptions
 from circlepose.measurement.rim import EdgeRim, FittedRim
-from circlepose.photometry.thin.fit import STRUCTURED, ThinEllipse, fit_thin_ellipse
+from circlepose.photometry.thin.fit import ThinEllipse, fit_thin_ellipse
 from circlepose.results import Failure, Status
 
 _SAMPLES = 180
@@ -71,7 +71,7 @@ def _length_is_determined(fitted: ThinEllipse, options: MeasurementOptions) -> b
         return relative < options.worst_length_share
     # Of a partly hidden one nothing of what hides it may be left in the residuals.
     strict = min(options.worst_hidden_length_share, options.worst_length_share)
-    return relative < strict and fitted.structure < STRUCTURED
+    return relative < strict and not fitted.is_structured
 
 
 def _modes_covariance(

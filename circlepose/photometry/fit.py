@@ -1,7 +1,8 @@
-"""Grey levels -> viewing cones, by a blurred edge fitted to the pixels around each rim. Many rims at once.
+"""Gray levels -> viewing cones: blurred edges fitted to the pixels around rims. Many rims at once.
 
-A descent (`descent`) over the five `rim_modes` and the blur of each rim, the levels eliminated (`blurred_edge`).
-Stretches of the rim whose residuals are unlike the others' (something hides or touches the rim there) are left out.
+The cost is the sum over pixels of w (I - measured)^2 (squared levels), with the model I of `intensity_model`, plus
+the priors of levels and blur. It is minimized by `gauss_newton`, in turn with the selection of pixels: first a plain
+edge on a part of the pixels, then all pixels with shading, then, where residuals are correlated, with texture.
 """
 
 from __future__ import annotations
@@ -11,295 +12,207 @@ from dataclasses import dataclass
 import numpy as np
 
 from circlepose._batching import put_rows, rows
-from circlepose._typing import BoolArray, FloatArray, IntArray, RealArray
-from circlepose.geometry.cone_perturbation import MODES
-from circlepose.photometry.edge_spread import BLUR, curved, straight
-from circlepose.photometry.gauss_newton import SHORT_FIRST, Descent, Seen, Shares, descend, with_prior
-from circlepose.photometry.intensity_model import (
-    FINEST,
-    FINEST_CURVED,
-    LINEAR,
-    Equations,
-    Levels,
-    fit_levels,
-    stiffness,
-    textures,
-)
-from circlepose.photometry.intensity_prior import FarLevels
-from circlepose.photometry.occlusion import AT_RIM, QUANTIZATION
-from circlepose.photometry.pixel_band import Bands, Beyond
+from circlepose._typing import BoolArray, FloatArray, IntArray
+from circlepose.photometry.edge_spread import EdgeSpreadFunction, curved_edge_spread, straight_edge_spread
+from circlepose.photometry.gauss_newton import GaussNewtonResult, Linearization, gauss_newton
+from circlepose.photometry.intensity_model import fit_levels, level_prior_precision
+from circlepose.photometry.intensity_prior import IntensityPrior
+from circlepose.photometry.levels_fit import BlurPrior, LevelsFit, levels_fit, residual_variance
+from circlepose.photometry.options import DEFAULT, PhotometryOptions
+from circlepose.photometry.pixel_band import Bands, OuterSamples
 from circlepose.photometry.pixel_selection import Pixels
-from circlepose.photometry.residual_correlation import correlation_of
-
-_ROUNDS = 3
-_FEW_PIXELS = 800
-"""A band several times longer is fitted to about so many of its pixels first."""
-_LEAST_PIXELS = 40
-_LEAST_MOTTLED_PX = 80.0
-"""Perimeter from which texture is looked for."""
-_WORST_CONDITION = 1e14
-_RIDGE = 1e-12
-_SHOWS = 4.0
-"""Log likelihood by which levels with texture are to be preferred."""
-_LOOSE_TEXTURE, _TEXTURE_SIZES = 0.1, np.geomspace(1e-3, 0.1, 13)
-"""Standard deviation of its levels before it is known, and those tried, as a share of the contrast."""
+from circlepose.photometry.segments import AT_RIM
+from circlepose.photometry.texture import fit_texture, predicted_levels
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Expected:
-    """What is known of the blurs of m rims before their pixels are seen."""
+class _Problem:
+    """What all rounds of a fit share."""
 
-    mean: FloatArray
-    """(m, 3)"""
-    information: FloatArray
-    """(m, 3) inverse variances; 0 where nothing is known"""
+    pixels: Pixels
+    blur_prior: BlurPrior
+    radius_px: FloatArray
+    """(m,) for the prior of quadratic shading"""
+    edge_spread: EdgeSpreadFunction
+    options: PhotometryOptions
 
-
-@dataclass(frozen=True, slots=True, eq=False)
-class LevelsFit:
-    """Blurred edges fitted to the levels around m rims."""
-
-    factors: FloatArray
-    """(m, 3, 3) of the viewing cones"""
-    covariance: FloatArray
-    """(m, 5, 5) of the `rim_modes` of these factors, with blur and levels unknown"""
-    blur: FloatArray
-    """(m, 3), see `blurred_share`; the pixel's box included"""
-    blur_variance: FloatArray
-    """(m, 3)"""
-    noise_levels: FloatArray
-    """(m,) standard deviation of the residuals"""
-    correlation: FloatArray
-    """(m,) variance of what neighbouring residuals add up to, relative to independent ones; in the covariance"""
-    contrast_levels: FloatArray
-    """(m,) inside minus outside"""
-    rim_used: FloatArray
-    """(m,) share of the rim that is not left out"""
-    converged: BoolArray
-    """(m,)"""
-    weight: RealArray
-    """(m, k) of the pixels, in the end"""
-    stiff: FloatArray
-    """(m, 11) of the levels, see `blurred_edge.stiffness`"""
+    def prior_precision(
+        self, variance: FloatArray, contrast: FloatArray, which: IntArray | slice, *, plain: bool = False
+    ) -> FloatArray:
+        """Return the precision (n, 11) of the levels' prior of the rims `which`."""
+        radius_px = self.radius_px[which]
+        return level_prior_precision(variance, contrast, radius_px, plain=plain, options=self.options)
 
 
 def fit_to_levels(
     bands: Bands,
     factors: FloatArray,
     blur: FloatArray,
-    expected: Expected,
+    blur_prior: BlurPrior,
     perimeter_px: FloatArray,
     limits: tuple[float, float] = (-np.inf, np.inf),
     *,
-    beside: FloatArray | None = None,
-    beyond: Beyond | None = None,
+    neighbors: FloatArray | None = None,
+    outer: OuterSamples | None = None,
     is_curved: bool = False,
+    options: PhotometryOptions = DEFAULT,
 ) -> LevelsFit:
-    """Fit the cones of m rims, starting at `factors` (m, 3, 3) and `blur` (m, 3), of which something is `expected`.
+    """Fit the cones of m rims to the levels around them.
 
-    `perimeter_px` (m,) of the rims; levels at the `limits` are clipped, and say only that the light was beyond.
-    `beside` (m, k) is what other rims close by add to the levels; pixels `beyond` the bands, inside and outside, pin
-    the levels. With `is_curved` the curvature of the rims is met exactly, which takes longer.
+    Parameters
+    ----------
+    bands
+        Pixels around the rims, k each, with their levels and rays.
+    factors
+        (m, 3, 3) of the cones at the start, camera frame.
+    blur
+        (m, 3) at the start, see `edge_spread`.
+    blur_prior
+        Prior of the blurs.
+    perimeter_px
+        (m,) of the rims, px.
+    limits
+        Levels at which the image is clipped. Pixels at a limit are inequality constraints.
+    neighbors
+        (m, k) levels that other rims close by add.
+    outer
+        Samples inside and outside the bands, a prior of the levels.
+    is_curved
+        Use the curved edge spread, which takes longer.
+    options
+        Tunable numbers.
+
+    Returns
+    -------
+    LevelsFit
+        Cones, covariances and statistics; `converged` is False for a rim whose levels do not determine its cone.
     """
-    shares = curved if is_curved else straight
-    pixels = Pixels.of(bands, perimeter_px, limits, beside)
+    pixels = Pixels.of(bands, perimeter_px, limits, neighbors, options=options)
     bands = Bands(pixels.levels, bands.weight.copy(), bands.rays, bands.pixels)
     radius_px = perimeter_px / (2.0 * np.pi)
-    if beside is not None:
-        # What others add is not known that well: it may be uneven, as shading is on a large disc.
-        radius_px = np.where(np.any(beside != 0.0, axis=1), np.inf, radius_px)
-    told, bands, stretch, is_doubtful = _untextured(pixels, bands, factors, blur, expected, radius_px, shares, beyond)
-    which = np.flatnonzero(told.converged & is_doubtful & (perimeter_px > _LEAST_MOTTLED_PX))
+    if neighbors is not None:
+        # The neighbors' levels are only approximate, so shading may be as uneven as on a large disc.
+        radius_px = np.where(np.any(neighbors != 0.0, axis=1), np.inf, radius_px)
+    edge_spread = curved_edge_spread if is_curved else straight_edge_spread
+    problem = _Problem(pixels, blur_prior, radius_px, edge_spread, options)
+    fit, bands, segment, may_have_texture = _fit_shaded(problem, bands, factors, blur, outer)
+    which = np.flatnonzero(fit.converged & may_have_texture & (perimeter_px > options.texture_perimeter_px))
     if len(which):
-        again, better = _textured(*rows((told, bands, expected, stretch, pixels.stretches), which), shares)
-        put_rows(told, which[better], again)
-    return told
+        own = rows((fit, bands, blur_prior, (segment, pixels.segments)), which)
+        textured, those = fit_texture(*own, edge_spread, options)
+        put_rows(fit, which[those], textured)
+    return fit
 
 
-def _untextured(
-    pixels: Pixels,
-    bands: Bands,
-    factors: FloatArray,
-    blur: FloatArray,
-    expected: Expected,
-    radius_px: FloatArray,
-    shares: Shares,
-    beyond: Beyond | None,
+def _fit_shaded(
+    problem: _Problem, bands: Bands, factors: FloatArray, blur: FloatArray, outer: OuterSamples | None
 ) -> tuple[LevelsFit, Bands, IntArray, BoolArray]:
-    """Fit the rims with shading alone, in turn with which pixels tell.
+    """Fit the rims with shading but no texture, in turn with the selection of pixels.
 
-    Returns also the bands with the weights in the end, the stretch (m, k) of each pixel, and where texture is likely.
+    Also returns the bands with their final weights, the segment (m, k) of each pixel, and where texture is likely.
     """
-    seen, stiff = _plain_edge(bands, factors, blur, expected, radius_px, shares)
-    state = fit_levels(seen.columns, stiff)
+    pixels, blur_prior, options = problem.pixels, problem.blur_prior, problem.options
+    linearization, precision = _fit_plain_edge(problem, bands, factors, blur)
+    fitted = fit_levels(linearization.design, precision)
     weight = bands.weight.copy()
-    now, left_out, stretch = pixels.telling(slice(None), seen, state, weight)
-    which = np.flatnonzero(np.any(now != weight, axis=1))
-    weight[which] = now[which]
+    every = slice(None)
+    selected, outliers, segment = pixels.select(every, linearization, fitted, weight, options=options)
+    which = np.flatnonzero(np.any(selected != weight, axis=1))
+    weight[which] = selected[which]
     bands = bands.weighted(weight)
-    variance = _variance(state.square, bands)
+    variance = residual_variance(fitted.square, bands)
     if len(which):
         some = rows(bands, which)
-        left = rows(seen, which).weighted(some)
-        fewer = fit_levels(left.columns, stiff[which])
-        variance[which] = _variance(fewer.square, some)
-        stiff[which] = stiffness(variance[which], fewer.contrast, radius_px[which])
-        put_rows((seen, state), which, (left, fit_levels(left.columns, stiff[which])))
-    prior = variance[:, None] * expected.information
-    start = state, state.normal_equations()
-    far = None
-    if beyond is not None:
-        far = FarLevels.of(beyond, seen.factors, _levels_ahead(*start, prior, variance), variance)
-        start = state.joined_with(far, start[1])
-    fit = descend(bands, seen, shares, stiff, prior, expected.mean, far, start=start)
-    # What is seen takes most of the memory: not twice.
-    del state, start
-    # Only rims of which something was left out look different now. (What is in `weight`, that is in `bands`.)
-    for _ in range(_ROUNDS - 1 if len(which) else 0):
-        now, left_out[which], stretch[which] = pixels.telling(which, fit.seen, fit.state, weight)
-        changed = np.flatnonzero(np.any(now != weight[which], axis=1))
+        fewer = rows(linearization, which).weighted(some)
+        levels = fit_levels(fewer.design, precision[which])
+        variance[which] = residual_variance(levels.square, some)
+        precision[which] = problem.prior_precision(variance[which], levels.contrast, which)
+        put_rows((linearization, fitted), which, (fewer, fit_levels(fewer.design, precision[which])))
+    blur_precision = variance[:, None] * blur_prior.information
+    start = fitted, fitted.normal_equations()
+    prior = None
+    if outer is not None:
+        near = predicted_levels(*start, blur_precision, variance)
+        prior = IntensityPrior.of(outer, linearization.factors, near, variance, options=options)
+        start = fitted.updated(prior, start[1])
+    result = gauss_newton(
+        bands,
+        linearization,
+        problem.edge_spread,
+        precision,
+        blur_precision,
+        blur_prior.mean,
+        prior,
+        fitted=start,
+        options=options,
+    )
+    # The arrays of a linearization take most of the memory: keep one at a time.
+    del fitted, start
+    # Rims without outliers keep their pixels. (`weight` is the array in `bands`.)
+    for _ in range(options.fit_rounds - 1 if len(which) else 0):
+        selected, outliers[which], segment[which] = pixels.select(
+            which, result.linearization, result.levels, weight, options=options
+        )
+        changed = np.flatnonzero(np.any(selected != weight[which], axis=1))
         if len(changed) == 0:
             break
         which = which[changed]
-        weight[which] = now[changed]
+        weight[which] = selected[changed]
         some = rows(bands, which)
-        variance[which] = _variance(np.sum((fit.state.residual[which] * some.weight) ** 2, axis=1), some)
-        stiff[which] = stiffness(variance[which], fit.state.contrast[which], radius_px[which])
-        prior[which] = variance[which, None] * expected.information[which]
-        setting = rows((stiff, prior, expected.mean, far), which)
-        put_rows(fit, which, descend(some, rows(fit.seen, which).weighted(some), shares, *setting))
-    rim_used = 1.0 - np.array([row[:n, AT_RIM].mean() for row, n in zip(left_out, pixels.stretches, strict=True)])
-    told = _told(fit, bands, expected, stretch, pixels.stretches, rim_used, stiff)
-    is_doubtful = told.correlation > 1.0
-    return told, bands, stretch, is_doubtful if far is None else is_doubtful | ~far.goes_on
+        square = np.sum((result.levels.residual[which] * some.weight) ** 2, axis=1)
+        variance[which] = residual_variance(square, some)
+        precision[which] = problem.prior_precision(variance[which], result.levels.contrast[which], which)
+        blur_precision[which] = variance[which, None] * blur_prior.information[which]
+        put_rows(result, which, _refit(problem, some, which, result, (precision, blur_precision), prior))
+    at_rim = zip(outliers, pixels.segments, strict=True)
+    rim_used = 1.0 - np.array([cells[:number, AT_RIM].mean() for cells, number in at_rim])
+    fit = levels_fit(result, bands, blur_prior, (segment, pixels.segments), rim_used, precision, options)
+    is_correlated = fit.correlation > 1.0
+    return fit, bands, segment, is_correlated if prior is None else is_correlated | ~prior.is_continued
 
 
-def _plain_edge(
-    bands: Bands, factors: FloatArray, blur: FloatArray, expected: Expected, radius_px: FloatArray, shares: Shares
-) -> tuple[Seen, FloatArray]:
-    """Fit edges that are only blurred, as what departs from that could be taken for blur.
-
-    On as many pixels as that needs; then the rims are seen by all. Returns also how stiff levels are from then on,
-    (m, 11).
-    """
-    step = bands.levels.shape[1] // _FEW_PIXELS
-    few = bands.thinned(step) if step > 1 else bands
-    seen = Seen.of(few, factors, blur, shares)
-    square, contrast = seen.columns.noise_and_contrast()
-    variance = _variance(square, few)
-    stiff = stiffness(variance, contrast, radius_px, plain=True)
-    prior = variance[:, None] * expected.information
-    fit = descend(few, seen, shares, stiff, prior, expected.mean, short=SHORT_FIRST)
-    stiff = stiffness(_variance(fit.square, few), fit.state.contrast, radius_px)
-    factors, blur, is_seen, seen = fit.factors, fit.blur, few is bands and fit.is_seen, fit.seen
-    # What is seen takes most of the memory: not twice.
-    del fit
-    if not is_seen:
-        del seen
-        seen = Seen.of(bands, factors, blur, shares)
-    return seen, stiff
-
-
-def _textured(
-    told: LevelsFit, bands: Bands, expected: Expected, stretch: IntArray, stretches: IntArray, shares: Shares
-) -> tuple[LevelsFit, IntArray]:
-    """Fit those rims again, with levels for texture of a size that shows in them; and tell which these are.
-
-    What varies near the rim, inside and outside, would else be taken for an edge a little elsewhere. What is left out
-    stays so: texture would explain a card over the rim, too.
-    """
-    finest = FINEST_CURVED if shares is curved else FINEST
-    seen = Seen.of(bands, told.factors, told.blur, shares, finest=finest)
-    kept = told.stiff.shape[1] // 2
-    unknown = (told.noise_levels / (_LOOSE_TEXTURE * np.abs(told.contrast_levels))) ** 2
-    loose = np.tile(unknown[:, None], textures(finest))
-    stiff = np.concatenate([told.stiff[:, :kept], loose, told.stiff[:, kept:-1], loose, told.stiff[:, -1:]], axis=1)
-    state = fit_levels(seen.columns, stiff)
-    variance = _variance(state.square, bands, stiff.shape[1])
-    prior = variance[:, None] * expected.information
-    levels, covariance = _levels_ahead(state, state.normal_equations(), prior, variance)
-    side = stiff.shape[1] // 2
-    extra = np.r_[kept:side, side + kept : stiff.shape[1] - 1]
-    sizes = np.abs(told.contrast_levels)[:, None] * _TEXTURE_SIZES
-    texture, gain = _likeliest(levels[:, extra], covariance[:, extra[:, None], extra], sizes)
-    stiff[:, kept:side] = stiff[:, side + kept : -1] = (variance / texture**2)[:, None]
-    shows = np.flatnonzero(gain > _SHOWS)
-    if len(shows) == 0:
-        return rows(told, shows), shows
-    if len(shows) < len(gain):
-        told, bands, expected = rows((told, bands, expected), shows)
-        stretch, stretches, stiff, prior = rows((stretch, stretches, stiff, prior), shows)
-        seen = Seen.of(bands, told.factors, told.blur, shares, finest=finest)
-    fit = descend(bands, seen, shares, stiff, prior, expected.mean)
-    again = _told(fit, bands, expected, stretch, stretches, told.rim_used, told.stiff)
-    converged = np.flatnonzero(again.converged)
-    return rows(again, converged), shows[converged]
-
-
-def _likeliest(levels: FloatArray, covariance: FloatArray, sizes: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return (m,) which of the `sizes` (m, n) of texture is the likeliest, and the log likelihood over that of none.
-
-    From levels (m, l) that were measured with `covariance` (m, l, l).
-    """
-    spread, turn = np.linalg.eigh(covariance)
-    square = (np.swapaxes(turn, -1, -2) @ levels[..., None])[..., 0] ** 2
-    variances = np.maximum(spread, 1e-12)[:, None] + np.column_stack([np.zeros(len(sizes)), sizes])[..., None] ** 2
-    likelihood = -0.5 * np.sum(np.log(variances) + square[:, None] / variances, axis=-1)
-    best = np.argmax(likelihood[:, 1:], axis=1)
-    rows = np.arange(len(sizes))
-    return sizes[rows, best], likelihood[rows, 1 + best] - likelihood[:, 0]
-
-
-def _told(
-    fit: Descent,
+def _refit(
+    problem: _Problem,
     bands: Bands,
-    expected: Expected,
-    stretch: IntArray,
-    stretches: IntArray,
-    rim_used: FloatArray,
-    stiff: FloatArray,
-) -> LevelsFit:
-    """Return a fit with what its residuals say of it; `stretch` (m, k) of each pixel, of `stretches` (m,)."""
-    state = fit.state
-    projected = state.projected_slopes(fit.equations)
-    residual = state.residual + (fit.ahead.astype(projected.dtype)[:, None] @ projected)[:, 0]
-    variance = _variance(np.einsum("mk,mk->m", residual, residual), bands)
-    matrix = with_prior(fit.equations.matrix, variance[:, None] * expected.information)
-    spread = np.linalg.eigvalsh(matrix)
-    told = (np.sum(bands.weight, axis=1) >= _LEAST_PIXELS) & (spread[:, -1] < _WORST_CONDITION * spread[:, 0])
-    matrix = np.where(told[:, None, None], matrix, np.eye(MODES + BLUR))
-    inverse = np.asarray(np.linalg.inv(matrix), dtype=np.float64)
-    correlation = correlation_of(projected, residual, stretch, stretches, inverse, variance)
-    covariance = inverse * variance[:, None, None]
-    return LevelsFit(
-        factors=fit.factors,
-        covariance=covariance[:, :MODES, :MODES] * correlation[:, None, None],
-        blur=fit.blur,
-        blur_variance=np.einsum("mii->mi", covariance)[:, MODES:],
-        noise_levels=np.sqrt(variance),
-        correlation=correlation,
-        contrast_levels=state.contrast,
-        rim_used=rim_used,
-        converged=fit.converged & told,
-        weight=bands.weight,
-        stiff=stiff,
+    which: IntArray,
+    before: GaussNewtonResult,
+    precisions: tuple[FloatArray, FloatArray],
+    prior: IntensityPrior | None,
+) -> GaussNewtonResult:
+    """Fit the rims `which` again with the weights of their `bands`; `precisions` of levels and blurs are of all."""
+    start = rows(before.linearization, which).weighted(bands)
+    setting = rows((*precisions, problem.blur_prior.mean, prior), which)
+    return gauss_newton(bands, start, problem.edge_spread, *setting, options=problem.options)
+
+
+def _fit_plain_edge(
+    problem: _Problem, bands: Bands, factors: FloatArray, blur: FloatArray
+) -> tuple[Linearization, FloatArray]:
+    """Fit edges with a Gaussian blur and no halo, which could be taken for blur, to a part of the pixels.
+
+    Returns the model of all pixels at the result, and the precision (m, 11) of the levels' prior from then on.
+    """
+    blur_prior, edge_spread, options = problem.blur_prior, problem.edge_spread, problem.options
+    step = bands.levels.shape[1] // options.first_pixels
+    few = bands.thinned(step) if step > 1 else bands
+    linearization = Linearization.of(few, factors, blur, edge_spread)
+    square, contrast = linearization.design.noise_and_contrast()
+    variance = residual_variance(square, few)
+    every = slice(None)
+    result = gauss_newton(
+        few,
+        linearization,
+        edge_spread,
+        problem.prior_precision(variance, contrast, every, plain=True),
+        variance[:, None] * blur_prior.information,
+        blur_prior.mean,
+        last_step_errors=options.first_last_step_errors,
+        options=options,
     )
-
-
-def _levels_ahead(
-    state: Levels, equations: Equations, prior: FloatArray, variance: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return the levels (m, l) where the next step leads, and their covariance (m, l, l), the rim unknown."""
-    matrix = with_prior(equations.matrix, prior)
-    # Of a rim that has no pixels nothing is known.
-    ridge = _RIDGE * np.trace(matrix, axis1=1, axis2=2) + _RIDGE
-    inverse = np.linalg.inv(matrix + ridge[:, None, None] * np.eye(matrix.shape[1]))
-    change = equations.made_up @ (inverse @ equations.gradient[..., None])
-    covariance = np.linalg.inv(state.gram) + equations.made_up @ inverse @ equations.made_up.transpose(0, 2, 1)
-    return state.levels + change[..., 0], covariance * variance[:, None, None]
-
-
-def _variance(square: FloatArray, bands: Bands, levels: int = LINEAR) -> FloatArray:
-    """Return the variance (m,) of the pixels about a model of so many `levels`, from the sum of squares (m,)."""
-    counted = np.sum(bands.weight, axis=1)
-    return np.maximum(square / np.maximum(counted - levels - MODES - BLUR, 1.0), QUANTIZATION)
+    precision = problem.prior_precision(residual_variance(result.square, few), result.levels.contrast, every)
+    if few is bands and result.is_evaluated:
+        return result.linearization, precision
+    factors, blur = result.factors, result.blur
+    # The arrays of a linearization take most of the memory: keep one at a time.
+    del result, linearization
+    return Linearization.of(bands, factors, blur, edge_spread), precision

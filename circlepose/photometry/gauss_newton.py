@@ -1,169 +1,213 @@
-"""Damped Gauss-Newton over the five `rim_modes` and the blurs of many rims at once, the levels eliminated."""
+"""Damped Gauss-Newton over the modes and blurs of many rims at once, the levels eliminated.
+
+The cost is the sum of squared residuals (squared levels) plus the priors of the levels and of the blur. With the
+gradient g and the information H of the eight parameters (coefficients of the five modes, log sigma, alpha, beta),
+each step is -(H + lambda diag H)^-1 g (Levenberg 1944, Marquardt 1963). Each rim has its own damping lambda.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from circlepose._batching import put_rows, rows
+from circlepose._numerics import ROUNDING_VARIANCE
 from circlepose._typing import BoolArray, FloatArray, IntArray
 from circlepose.geometry.cone_perturbation import MODES, grown
-from circlepose.photometry.edge_spread import BLUR, Places, Share, places
-from circlepose.photometry.intensity_model import Columns, Equations, Levels, fit_levels
-from circlepose.photometry.intensity_prior import FarLevels
-from circlepose.photometry.occlusion import QUANTIZATION
+from circlepose.photometry.edge_spread import BLUR, EdgeSpreadFunction
+from circlepose.photometry.intensity_model import DesignMatrix, Equations, FittedLevels, fit_levels
+from circlepose.photometry.intensity_prior import IntensityPrior
+from circlepose.photometry.options import DEFAULT, PhotometryOptions
 from circlepose.photometry.pixel_band import Bands
-
-_LEAST_BLUR = np.array([np.log(0.25), -0.6, -0.6])
-_MOST_BLUR = np.array([np.log(8.0), 0.6, 0.6])
-_STEPS = 12
-_CONVERGED = 1e-3
-"""A step that would lower the cost by so many noise variances is worth nothing: 3 % of a standard error."""
-_MOST_DAMPING = 1e5
-_START_DAMPING = 1e-5
-_LONGEST_STEP = 0.5
-SHORT, SHORT_FIRST = 0.25, 1.0
-"""Standard errors that the second order of a last step may make, so that it is taken unseen; where more follows."""
-
-Shares = Callable[[Places, FloatArray], Share]
+from circlepose.photometry.rim_coordinates import RimCoordinates, rim_coordinates
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Seen:
-    """The rims at some factors and blurs, as their pixels see them."""
+class Linearization:
+    """The model of m rims, linearized at their cones and blurs."""
 
     factors: FloatArray
+    """(m, 3, 3)"""
     blur: FloatArray
-    at: Places
-    columns: Columns
-    finest: int = 0
-    """order of the finest harmonic of the levels for texture; 0 where there are none"""
+    """(m, 3)"""
+    coordinates: RimCoordinates
+    design: DesignMatrix
+    texture_order: int = 0
+    """order of the finest harmonic of texture; 0 for no texture"""
 
     @classmethod
-    def of(cls, bands: Bands, factors: FloatArray, blur: FloatArray, shares: Shares, *, finest: int = 0) -> Seen:
-        """Return the rims of cones with `factors` (m, 3, 3) and `blur` (m, 3), as the pixels of `bands` see them."""
-        at = places(bands, factors)
-        return cls(factors, blur, at, Columns.of(bands, at, shares(at, blur), finest=finest), finest)
+    def of(
+        cls,
+        bands: Bands,
+        factors: FloatArray,
+        blur: FloatArray,
+        edge_spread: EdgeSpreadFunction,
+        *,
+        texture_order: int = 0,
+    ) -> Linearization:
+        """Linearize at the cones with `factors` (m, 3, 3) and `blur` (m, 3), for the pixels of `bands`."""
+        coordinates = rim_coordinates(bands, factors)
+        spread = edge_spread(coordinates, blur)
+        design = DesignMatrix.of(bands, coordinates, spread, texture_order=texture_order)
+        return cls(factors, blur, coordinates, design, texture_order)
 
-    def weighted(self, bands: Bands) -> Seen:
-        """Return the same with the weight that the pixels have in `bands`."""
-        return replace(self, columns=Columns.of(bands, self.at, self.columns.share, finest=self.finest))
+    def weighted(self, bands: Bands) -> Linearization:
+        """Return the same with the weights of `bands`."""
+        design = DesignMatrix.of(bands, self.coordinates, self.design.edge_spread, texture_order=self.texture_order)
+        return replace(self, design=design)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Descent:
-    """Where a descent ended: `ahead` (m, 8) of where the rims were last `seen`, by steps too short to look again."""
+class GaussNewtonResult:
+    """Where the iteration ended, for each of m rims."""
 
     factors: FloatArray
+    """(m, 3, 3)"""
     blur: FloatArray
+    """(m, 3)"""
     converged: BoolArray
-    seen: Seen
-    state: Levels
+    """(m,)"""
+    linearization: Linearization
+    """at the last parameters that were evaluated"""
+    levels: FittedLevels
+    """there"""
     equations: Equations
-    ahead: FloatArray
+    """there"""
+    last_step: FloatArray
+    """(m, 8) from there to the result, without evaluation; 0 where the result was evaluated"""
 
     @property
-    def is_seen(self) -> bool:
-        """Whether the rims were seen where they are."""
-        return not self.ahead.any()
+    def is_evaluated(self) -> bool:
+        """Whether all rims were evaluated at the result."""
+        return not self.last_step.any()
 
     @property
     def square(self) -> FloatArray:
-        """(m,) sum of squares of the residuals where the rims are."""
-        return self.state.square + np.sum(self.ahead * self.equations.gradient, axis=1)
+        """(m,) sum of squared residuals at the result."""
+        return self.levels.square + np.sum(self.last_step * self.equations.gradient, axis=1)
 
 
-def descend(
+def gauss_newton(
     bands: Bands,
-    seen: Seen,
-    shares: Shares,
-    stiff: FloatArray,
-    prior: FloatArray,
-    mean: FloatArray,
-    far: FarLevels | None = None,
+    start: Linearization,
+    edge_spread: EdgeSpreadFunction,
+    prior_precision: FloatArray,
+    blur_precision: FloatArray,
+    blur_mean: FloatArray,
+    outer_prior: IntensityPrior | None = None,
     *,
-    start: tuple[Levels, Equations] | None = None,
-    short: float = SHORT,
-) -> Descent:
-    """Fit the rims from where they are `seen`; `prior` (m, 3) pulls the blurs to `mean` (m, 3).
+    fitted: tuple[FittedLevels, Equations] | None = None,
+    last_step_errors: float | None = None,
+    options: PhotometryOptions = DEFAULT,
+) -> GaussNewtonResult:
+    """Fit cones and blurs of m rims. The arrays of `start` are overwritten where rims move, to save memory.
 
-    `start` is what fits there, of pixels and `far` levels, if that is known already.
-
-    A step whose second order is below `short` standard errors is the last, and taken unseen. What is in `seen` is
-    written over where rims move: no copy is made of that much.
+    Parameters
+    ----------
+    bands
+        The pixels and their weights.
+    start
+        The model at the start.
+    edge_spread
+        `straight_edge_spread` or `curved_edge_spread`.
+    prior_precision
+        (m, l) of the levels, see `level_prior_precision`.
+    blur_precision, blur_mean
+        (m, 3) prior of the blur's parameters; the precision is times the noise variance.
+    outer_prior
+        Prior of the levels from pixels outside the bands.
+    fitted
+        Levels and equations at the start, if they are known.
+    last_step_errors
+        Standard errors; a step with a smaller second-order effect is the last, and is not evaluated.
+    options
+        Tunable numbers.
     """
-    factors, blur = seen.factors.copy(), seen.blur.copy()
+    if last_step_errors is None:
+        last_step_errors = options.last_step_errors
+    factors, blur = start.factors.copy(), start.blur.copy()
     every = np.arange(len(factors))
 
     def evaluate(
-        now: Seen, which: IntArray, known: tuple[Levels, Equations] | None = None
-    ) -> tuple[Levels, Equations, FloatArray]:
+        now: Linearization, which: IntArray, known: tuple[FittedLevels, Equations] | None = None
+    ) -> tuple[FittedLevels, Equations, FloatArray]:
         if known is None:
-            state = fit_levels(now.columns, stiff[which], None if far is None else rows(far, which))
-            known = state, state.normal_equations()
-        state, found = known
-        off = now.blur - mean[which]
-        found.gradient[:, MODES:] += prior[which] * off
-        return state, found, state.cost + np.sum(prior[which] * off**2, axis=1)
+            prior = None if outer_prior is None else rows(outer_prior, which)
+            levels = fit_levels(now.design, prior_precision[which], prior)
+            known = levels, levels.normal_equations()
+        levels, found = known
+        offset = now.blur - blur_mean[which]
+        found.gradient[:, MODES:] += blur_precision[which] * offset
+        return levels, found, levels.cost + np.sum(blur_precision[which] * offset**2, axis=1)
 
-    current, (state, equations, cost) = seen, evaluate(seen, every, start)
-    matrix, gradient = with_prior(equations.matrix, prior), equations.gradient.copy()
-    damping = np.full(len(factors), _START_DAMPING)
+    current, (levels, equations, cost) = start, evaluate(start, every, fitted)
+    matrix, gradient = add_blur_prior(equations.matrix, blur_precision), equations.gradient.copy()
+    damping = np.full(len(factors), options.start_damping)
     counted = np.maximum(np.sum(bands.weight, axis=1), 1.0)
     running = np.ones(len(factors), dtype=np.bool_)
-    ahead = np.zeros((len(factors), MODES + BLUR))
-    for _ in range(_STEPS):
-        diagonal = np.einsum("mii->mi", matrix) + 1e-12
-        damped = matrix + (diagonal * damping[:, None])[:, :, None] * np.eye(MODES + BLUR)
-        inverse = np.linalg.inv(damped)
+    last_step = np.zeros((len(factors), MODES + BLUR))
+    for _ in range(options.steps):
+        inverse = np.asarray(np.linalg.inv(_damped(matrix, damping)), dtype=np.float64)
         step = -(inverse @ gradient[..., None])[..., 0]
         gain = -np.sum(step * gradient, axis=1)
-        variance = np.maximum(cost, 0.0) / counted + QUANTIZATION
-        running &= (gain > _CONVERGED * variance) & (damping < _MOST_DAMPING)
-        last = running & (_second_order(step, inverse, variance) < short)
+        variance = np.maximum(cost, 0.0) / counted + ROUNDING_VARIANCE
+        running &= (gain > options.converged_gain * variance) & (damping < options.most_damping)
+        last = running & (_second_order(step, inverse, variance) < last_step_errors)
         if last.any():
-            factors[last], blur[last] = _after(factors[last], blur[last], step[last])
-            ahead[last] = step[last]
+            factors[last], blur[last] = _moved(factors[last], blur[last], step[last], options)
+            last_step[last] = step[last]
             running &= ~last
         which = np.flatnonzero(running)
         if len(which) == 0:
             break
         some = bands if len(which) == len(every) else rows(bands, which)
-        moved_to = _after(factors[which], blur[which], step[which])
-        trial = Seen.of(some, *moved_to, shares, finest=seen.finest)
-        new_state, new_equations, new_cost = evaluate(trial, which)
+        moved_to = _moved(factors[which], blur[which], step[which], options)
+        trial = Linearization.of(some, *moved_to, edge_spread, texture_order=start.texture_order)
+        new_levels, new_equations, new_cost = evaluate(trial, which)
         better = new_cost <= cost[which]
-        damping[which] = np.where(better, damping[which] * 0.1, np.maximum(damping[which] * 30.0, 1e-3))
+        raised = np.maximum(damping[which] * options.damping_increase, options.least_raised_damping)
+        damping[which] = np.where(better, damping[which] * options.damping_decrease, raised)
         taken = which[better]
         factors[taken], blur[taken], cost[taken] = trial.factors[better], trial.blur[better], new_cost[better]
-        matrix[taken] = with_prior(new_equations.matrix, prior[which])[better]
+        matrix[taken] = add_blur_prior(new_equations.matrix, blur_precision[which])[better]
         gradient[taken] = new_equations.gradient[better]
         if len(taken) == len(every):
-            current, state, equations = trial, new_state, new_equations
+            current, levels, equations = trial, new_levels, new_equations
         elif len(taken):
             those = None if better.all() else np.flatnonzero(better)
-            put_rows((current, state, equations), taken, (trial, new_state, new_equations), those)
-    converged = ~running & (damping < _MOST_DAMPING)
-    return Descent(factors, blur, converged, current, state, equations, ahead)
+            put_rows((current, levels, equations), taken, (trial, new_levels, new_equations), those)
+    converged = ~running & (damping < options.most_damping)
+    return GaussNewtonResult(factors, blur, converged, current, levels, equations, last_step)
+
+
+def add_blur_prior(matrix: FloatArray, blur_precision: FloatArray) -> FloatArray:
+    """Return the information (m, 8, 8) on modes and blurs with the precision (m, 3) of the blurs' prior added."""
+    matrix = matrix.copy()
+    matrix[:, MODES:, MODES:] += blur_precision[:, :, None] * np.eye(BLUR)
+    return matrix
+
+
+def _damped(matrix: FloatArray, damping: FloatArray) -> FloatArray:
+    """Return the information (m, 8, 8) with `damping` (m,) times its diagonal added."""
+    diagonal = np.einsum("mii->mi", matrix) + 1e-12
+    return np.asarray(matrix + (diagonal * damping[:, None])[:, :, None] * np.eye(MODES + BLUR))
 
 
 def _second_order(step: FloatArray, inverse: FloatArray, variance: FloatArray) -> FloatArray:
-    """Return (m,) how far the second order of a `step` (m, 8) may move a rim, in standard errors of the rim."""
+    """Return (m,) the second-order effect of a `step` (m, 8) on a rim, in standard errors of the rim."""
     error = np.sqrt(np.maximum(np.min(np.einsum("mii->mi", inverse)[:, :MODES], axis=1), 0.0) * variance)
     moved = np.abs(step[:, :MODES]).sum(axis=1)
     return moved * (moved + np.abs(step[:, MODES:]).sum(axis=1)) / np.maximum(error, 1e-30)
 
 
-def _after(factors: FloatArray, blur: FloatArray, step: FloatArray) -> tuple[FloatArray, FloatArray]:
-    limited = np.minimum(np.maximum(step, -_LONGEST_STEP), _LONGEST_STEP)
+def _moved(
+    factors: FloatArray, blur: FloatArray, step: FloatArray, options: PhotometryOptions
+) -> tuple[FloatArray, FloatArray]:
+    """Return the factors (m, 3, 3) and blurs (m, 3) after a `step` (m, 8), both within their bounds."""
+    bound = options.most_anisotropy
+    least = np.array([np.log(options.least_sigma_px), -bound, -bound])
+    most = np.array([np.log(options.most_sigma_px), bound, bound])
+    limited = np.minimum(np.maximum(step, -options.longest_step), options.longest_step)
     changed = blur + limited[:, MODES:]
-    return grown(factors, limited[:, :MODES]), np.minimum(np.maximum(changed, _LEAST_BLUR), _MOST_BLUR)
-
-
-def with_prior(matrix: FloatArray, prior: FloatArray) -> FloatArray:
-    """Return the information (m, 8, 8) on modes and blurs with the `prior` (m, 3) on the blurs added."""
-    matrix = matrix.copy()
-    matrix[:, MODES:, MODES:] += prior[:, :, None] * np.eye(BLUR)
-    return matrix
+    return grown(factors, limited[:, :MODES]), np.minimum(np.maximum(changed, least), most)

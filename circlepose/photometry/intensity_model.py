@@ -1,110 +1,40 @@
-"""The level of pixels near the rim of a viewing cone, seen as a blurred edge, and its derivatives. Many rims at once.
+"""The model of the gray levels near a rim, and its linear least squares. Many rims at once.
 
-With c the share of the inside in a pixel's level (see `blurred_share`), z = (c's distance)/sigma and p = y_12/y_3 the
-place in the coordinates y = A^-1 x of the cone's factor,
+With the coverage c of a pixel (`edge_spread`), z its distance from the blurred edge in blurs, and p its coordinates
+(`rim_coordinates`), the level is
 
     I = out(p) (1 - c) + in(p) c + w (Phi(z') - Phi(z)).
 
-`in` and `out` are harmonic polynomials of p: even shading is met exactly, texture in the main. The last term stands
-for what blur is beside a Gaussian (halos of sharpening, tails of focus; z' is of a wider blur); odd about the edge,
-it cannot move it. These eleven levels are linear, and so eliminated; there remain the five `rim_modes` and sigma.
-All but the two mean levels are expected to be small beside the contrast, so that a disc of few pixels is not
-overfitted: `stiffness` says how small.
+`in` and `out` are harmonic polynomials of p: even shading is modeled exactly, texture approximately. The last term is
+the halo: it stands for the part of the blur that is not Gaussian (sharpening, tails of defocus); z' belongs to a
+wider blur. It is odd about the edge, so it cannot displace it. The model is linear in these eleven levels (gray
+levels), which are eliminated (variable projection); the coefficients of the five modes of the cone and the blur
+remain. All levels but the two means have a prior around zero, relative to the contrast, so that a disc of few pixels
+is not overfitted (`level_prior_precision`).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Protocol, Self
+from typing import Self
 
 import numpy as np
 
+from circlepose._numerics import normal_pdf_cdf
 from circlepose._typing import FloatArray, RealArray
-from circlepose.photometry.edge_spread import SHAPES, Places, Share
-from circlepose.photometry.gaussian import normal_share
+from circlepose.photometry.edge_spread import EdgeSpread
+from circlepose.photometry.intensity_prior import IntensityPrior
+from circlepose.photometry.options import DEFAULT, PhotometryOptions
 from circlepose.photometry.pixel_band import Bands
+from circlepose.photometry.rim_coordinates import RimCoordinates
+from circlepose.photometry.texture_basis import texture_basis
 
-LINEAR = 11
-"""Levels in all: harmonic polynomials inside and outside, and the term beside a Gaussian."""
-FINEST, FINEST_CURVED = 6, 9
-"""Order of the finest harmonic of texture; the second where shares are `curved`: on an elongated disc texture is
-steep across the rim. With 6 there, the center is off along the major axis by twice its sigma."""
-_BAND_PX = 4.0
 _RIDGE = 1e-9
-"""Relative to the mean square of the columns: levels that no pixel tells of stay finite."""
-_WIDER = 2.5
-_EXPECTED = np.array([np.inf, 0.2, 0.2, 0.1, 0.1, np.inf, 0.2, 0.2, 0.1, 0.1, 0.3])
-"""Standard deviation of each level before the image is seen, as a share of the contrast."""
+"""Relative to the mean square of the columns: keeps levels finite that no pixel determines."""
+_HALO_WIDTH = 2.5
+"""Ratio of the halo's blur to that of the edge."""
 _QUADRATIC = np.array([3, 4, 8, 9])
-_WIDE_PX = 40.0
-"""Radius from which shading may curve as strongly as that; over a smaller disc, less by the square of the radius."""
-_PLAIN = np.array([*_EXPECTED[:-1], 1e-4])
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Levels:
-    """The levels that fit best, for given cones and blurs; a pixel counts with its weight, 0 or 1."""
-
-    residual: RealArray
-    """(m, k) model minus measured"""
-    slopes: RealArray
-    """(m, 8, k) derivatives to the five modes and the blur, at fixed levels"""
-    linear: RealArray
-    """(m, l + 1, k) derivatives to the levels, and what was measured"""
-    gram: FloatArray
-    """(m, l, l) information on the levels, times the noise's variance"""
-    levels: FloatArray
-    """(m, l) with l 11, or more where there is texture"""
-    model: RealArray
-    """(m, k) the level, whatever the weight"""
-    square: FloatArray
-    """(m,) sum of squares of the residual"""
-    cost: FloatArray
-    """(m,) the same, and that of levels that are not as expected"""
-
-    @property
-    def contrast(self) -> FloatArray:
-        """Levels inside minus outside, on average around the rim (m,)."""
-        return self.levels[:, 0] - self.levels[:, self.levels.shape[1] // 2]
-
-    def normal_equations(self) -> Equations:
-        """Return the equations of the modes and the blur, the levels eliminated."""
-        across = (self.linear @ self.slopes.transpose(0, 2, 1)).astype(np.float64)[:, :-1]
-        made_up = np.linalg.solve(self.gram, across)
-        # In halves: a whole matrix by itself transposed goes another way in BLAS, which takes four times longer here.
-        half = self.slopes.shape[1] // 2
-        transposed = self.slopes.transpose(0, 2, 1)
-        parts = (self.slopes[:, :half] @ transposed, self.slopes[:, half:] @ transposed)
-        matrix = np.concatenate(parts, axis=1).astype(np.float64)
-        matrix -= across.transpose(0, 2, 1) @ made_up
-        # The cost is least in the levels, so their change with the modes does not count.
-        gradient = (self.slopes @ self.residual[..., None])[..., 0].astype(np.float64)
-        return Equations(matrix, gradient, np.asarray(made_up))
-
-    def joined_with(self, more: MoreLevels, equations: Equations) -> tuple[Levels, Equations]:
-        """Return the levels that fit to what `more` there is known, too, and the `equations` that go with them.
-
-        For a change of levels that is small: the slopes, which they scale, and the model are left as they are.
-        """
-        gram = self.gram + more.gram
-        change = np.linalg.solve(gram, (more.right - (more.gram @ self.levels[..., None])[..., 0])[..., None])
-        levels = self.levels + change[..., 0]
-        across = self.gram @ equations.made_up
-        made_up = np.asarray(np.linalg.solve(gram, across))
-        transposed = across.transpose(0, 2, 1)
-        joined = Equations(
-            equations.matrix + transposed @ (equations.made_up - made_up),
-            equations.gradient + (transposed @ change)[..., 0],
-            made_up,
-        )
-        moved = (change.transpose(0, 2, 1).astype(self.linear.dtype) @ self.linear[:, :-1])[:, 0]
-        cost = self.cost + np.sum(change * (self.gram @ change), axis=(1, 2)) + more.misfit(levels)
-        return replace(self, residual=self.residual + moved, gram=gram, levels=levels, cost=cost), joined
-
-    def projected_slopes(self, equations: Equations) -> RealArray:
-        """Return the slopes (m, 8, k) less what the levels make up for, which is no information."""
-        made_up = equations.made_up.transpose(0, 2, 1).astype(self.slopes.dtype)
-        return self.slopes - made_up @ self.linear[:, :-1]
+"""Indices of the quadratic levels."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -115,148 +45,211 @@ class Equations:
     """(m, 8, 8)"""
     gradient: FloatArray
     """(m, 8)"""
-    made_up: FloatArray
-    """(m, l, 8) the change of levels that makes up best for each of the slopes"""
-
-
-def stiffness(
-    variance: FloatArray, contrast: FloatArray, radius_px: FloatArray, *, plain: bool = False
-) -> FloatArray:
-    """Return (m, 11) the weight of squared levels beside squared residuals with `variance` (m,).
-
-    A rim is of some `radius_px` (m,); an edge that is `plain` has no more than its Gaussian blur.
-    """
-    expected = np.maximum(np.abs(contrast), 1e-9)[:, None] * (_PLAIN if plain else _EXPECTED)
-    expected[:, _QUADRATIC] *= np.minimum(radius_px / _WIDE_PX, 1.0)[:, None] ** 2
-    return np.asarray(variance[:, None] / expected**2)
+    level_response: FloatArray
+    """(m, l, 8) the change of levels that best compensates each derivative"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Columns:
-    """What the levels multiply, and the sums over pixels in which they are linear."""
+class FittedLevels:
+    """The levels of least squares for given cones and blurs; each pixel has the weight 0 or 1."""
 
-    share: Share
-    shapes: RealArray
-    """(m, s, k), 5 or more"""
+    residual: RealArray
+    """(m, k) model minus measured"""
+    slopes: RealArray
+    """(m, 8, k) derivatives to the five modes and the blur, at fixed levels"""
+    linear: RealArray
+    """(m, l + 1, k) derivatives to the levels; the last row is the measured levels"""
+    gram: FloatArray
+    """(m, l, l) information on the levels, times the noise variance"""
+    levels: FloatArray
+    """(m, l) with l 11, or more with texture"""
+    model: RealArray
+    """(m, k) predicted levels, also of pixels with weight 0"""
+    square: FloatArray
+    """(m,) sum of squared residuals"""
+    cost: FloatArray
+    """(m,) `square` plus the prior's sum of squares"""
+
+    @property
+    def contrast(self) -> FloatArray:
+        """Mean level inside minus outside, around the rim (m,)."""
+        return self.levels[:, 0] - self.levels[:, self.levels.shape[1] // 2]
+
+    def normal_equations(self) -> Equations:
+        """Return the equations of the modes and the blur, the levels eliminated."""
+        across = (self.linear @ self.slopes.transpose(0, 2, 1)).astype(np.float64)[:, :-1]
+        level_response = np.linalg.solve(self.gram, across)
+        # In halves: BLAS takes another routine for a matrix times its own transpose, four times slower at this size.
+        half = self.slopes.shape[1] // 2
+        transposed = self.slopes.transpose(0, 2, 1)
+        parts = (self.slopes[:, :half] @ transposed, self.slopes[:, half:] @ transposed)
+        matrix = np.concatenate(parts, axis=1).astype(np.float64)
+        matrix -= across.transpose(0, 2, 1) @ level_response
+        # The derivative of the cost to the levels is zero, so their change with the modes has no effect here.
+        gradient = (self.slopes @ self.residual[..., None])[..., 0].astype(np.float64)
+        return Equations(matrix, gradient, np.asarray(level_response))
+
+    def updated(self, prior: IntensityPrior, equations: Equations) -> tuple[FittedLevels, Equations]:
+        """Return the levels after the `prior` is added, and the `equations` that belong to them.
+
+        For a small change of the levels: the derivatives, which are proportional to them, and the model are kept.
+        """
+        gram = self.gram + prior.gram
+        change = np.linalg.solve(gram, (prior.right - (prior.gram @ self.levels[..., None])[..., 0])[..., None])
+        levels = self.levels + change[..., 0]
+        across = self.gram @ equations.level_response
+        level_response = np.asarray(np.linalg.solve(gram, across))
+        transposed = across.transpose(0, 2, 1)
+        updated = Equations(
+            equations.matrix + transposed @ (equations.level_response - level_response),
+            equations.gradient + (transposed @ change)[..., 0],
+            level_response,
+        )
+        moved = (change.transpose(0, 2, 1).astype(self.linear.dtype) @ self.linear[:, :-1])[:, 0]
+        cost = self.cost + np.sum(change * (self.gram @ change), axis=(1, 2)) + prior.misfit(levels)
+        return replace(self, residual=self.residual + moved, gram=gram, levels=levels, cost=cost), updated
+
+    def projected_slopes(self, equations: Equations) -> RealArray:
+        """Return the derivatives (m, 8, k) less their projection on those to the levels."""
+        level_response = equations.level_response.transpose(0, 2, 1).astype(self.slopes.dtype)
+        return self.slopes - level_response @ self.linear[:, :-1]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DesignMatrix:
+    """The derivatives of the model to the levels, and the sums over pixels of their products."""
+
+    edge_spread: EdgeSpread
+    basis: RealArray
+    """(m, s, k) functions of `in` and `out`, 5 or more"""
     columns: RealArray
-    """(m, 2 s + 2, k) derivatives to the levels, and what was measured, whatever the weight"""
+    """(m, 2 s + 2, k) derivatives to the levels, then the measured levels, without weight"""
     weighted: RealArray
-    """(m, 2 s + 2, k)"""
+    """(m, 2 s + 2, k) the same with weight"""
     weight: RealArray
     """(m, k)"""
     products: FloatArray
     """(m, 2 s + 2, 2 s + 2)"""
-    odd_slope: RealArray
-    """(m, k) change of the last column with the edge, relative to that of the share"""
-
-    def noise_and_contrast(self) -> tuple[FloatArray, FloatArray]:
-        """Return about the sum of squared residuals (m,), and inside minus outside (m,), with free levels.
-
-        By the sums alone, which is quick, and to a few hundredths of a squared level for each pixel.
-        """
-        gram, right = _regular(self.products[:, :-1, :-1]), self.products[:, :-1, -1]
-        levels = np.asarray(np.linalg.solve(gram, right[..., None])[..., 0])
-        square = self.products[:, -1, -1] - np.sum(levels * right, axis=1)
-        return square, levels[:, 0] - levels[:, self.shapes.shape[1]]
+    halo_slope: RealArray
+    """(m, k) derivative of the halo term to the edge's displacement, relative to that of the coverage"""
 
     @classmethod
-    def of(cls, bands: Bands, at: Places, share: Share, *, finest: int = 0) -> Self:
-        """Return those of the pixels of `bands`, `at` their places, with their `share`.
+    def of(
+        cls, bands: Bands, coordinates: RimCoordinates, edge_spread: EdgeSpread, *, texture_order: int = 0
+    ) -> Self:
+        """Return that of the pixels of `bands`.
 
-        With levels for texture up to harmonics of that `finest` order; 0 for none.
+        Parameters
+        ----------
+        bands
+            The pixels, their levels and weights.
+        coordinates, edge_spread
+            Those of the same pixels.
+        texture_order
+            Order of the finest harmonic of texture; 0 for no texture.
         """
-        z = share.z
-        shapes = texture_shapes(at, finest) if finest else at.shapes
-        number = shapes.shape[1]
-        # A multiple of four rows, which products of matrices like; what was measured among them, as the right side.
+        z = edge_spread.z
+        basis = texture_basis(coordinates, texture_order) if texture_order else coordinates.harmonics
+        number = basis.shape[1]
+        # An even number of rows makes the product faster; the measured levels give the right-hand side.
         columns = np.empty((len(z), 2 * number + 2, z.shape[1]), z.dtype)
-        np.multiply(shapes, share.share[:, None], out=columns[:, :number])
-        np.subtract(shapes, columns[:, :number], out=columns[:, number:-2])
-        across, along = share.widths.across, share.widths.along
-        wide = -(at.distance_px / _WIDER + 0.5 * _WIDER * at.curvature * along**2) / across
-        columns[:, -2] = normal_share(wide)[1] - share.straight
+        np.multiply(basis, edge_spread.coverage[:, None], out=columns[:, :number])
+        np.subtract(basis, columns[:, :number], out=columns[:, number:-2])
+        across, along = edge_spread.widths.across, edge_spread.widths.along
+        shift = 0.5 * _HALO_WIDTH * coordinates.curvature * along**2
+        wide = -(coordinates.distance_px / _HALO_WIDTH + shift) / across
+        columns[:, -2] = normal_pdf_cdf(wide)[1] - edge_spread.straight_coverage
         columns[:, -1] = bands.levels
-        odd_slope = np.exp(np.minimum(0.5 * (z * z - wide * wide), 8.0)) / _WIDER - 1.0
+        halo_slope = np.exp(np.minimum(0.5 * (z * z - wide * wide), 8.0)) / _HALO_WIDTH - 1.0
         weighted = columns * bands.weight[:, None]
         products = (weighted @ columns.transpose(0, 2, 1)).astype(np.float64)
-        return cls(share, shapes, columns, weighted, bands.weight, products, odd_slope)
+        return cls(edge_spread, basis, columns, weighted, bands.weight, products, halo_slope)
+
+    def noise_and_contrast(self) -> tuple[FloatArray, FloatArray]:
+        """Return the sum of squared residuals (m,) and the contrast (m,) without a prior on the levels.
+
+        From the sums alone: fast, and accurate to a few hundredths of a squared level per pixel.
+        """
+        gram, right = _regularized(self.products[:, :-1, :-1]), self.products[:, :-1, -1]
+        levels = np.asarray(np.linalg.solve(gram, right[..., None])[..., 0])
+        square = self.products[:, -1, -1] - np.sum(levels * right, axis=1)
+        return square, levels[:, 0] - levels[:, self.basis.shape[1]]
 
 
-class MoreLevels(Protocol):
-    """What is known of the levels beside the pixels in a band: sums of squares."""
+def level_prior_precision(
+    variance: FloatArray,
+    contrast: FloatArray,
+    radius_px: FloatArray,
+    *,
+    plain: bool = False,
+    options: PhotometryOptions = DEFAULT,
+) -> FloatArray:
+    """Return the precision (m, 11) of the levels' prior, times the noise variance.
 
-    @property
-    def gram(self) -> FloatArray:
-        """(m, 11, 11)."""
+    Parameters
+    ----------
+    variance
+        (m,) of the noise, squared levels.
+    contrast
+        (m,) levels inside minus outside.
+    radius_px
+        (m,) of the rims, px; infinite for shading as strong as on a large disc.
+    plain
+        Suppress the halo term: the blur is Gaussian only.
+    options
+        Tunable numbers.
+    """
+    linear, quadratic = [options.linear_shading] * 2, [options.quadratic_shading] * 2
+    side = [np.inf, *linear, *quadratic]
+    relative = np.array([*side, *side, options.plain_halo if plain else options.halo])
+    sigma = np.maximum(np.abs(contrast), 1e-9)[:, None] * relative
+    sigma[:, _QUADRATIC] *= np.minimum(radius_px / options.large_radius_px, 1.0)[:, None] ** 2
+    return np.asarray(variance[:, None] / sigma**2)
 
-    @property
-    def right(self) -> FloatArray:
-        """(m, 11)."""
 
-    def misfit(self, levels: FloatArray) -> FloatArray:
-        """Return (m,) the sum of squares at `levels` (m, 11)."""
+def fit_levels(
+    design: DesignMatrix, prior_precision: FloatArray, prior: IntensityPrior | None = None
+) -> FittedLevels:
+    """Fit the levels of m rims.
 
-
-def fit_levels(columns: Columns, stiff: FloatArray, more: MoreLevels | None = None) -> Levels:
-    """Fit the levels of m blurred edges, as `stiff` as (m, l) says, and with what `more` there is known of them."""
-    share, shapes = columns.share, columns.shapes
-    number = shapes.shape[1]
-    gram = _regular(columns.products[:, :-1, :-1], stiff)
-    right = columns.products[:, :-1, -1]
-    if more is not None:
-        gram, right = gram + more.gram, right + more.right
+    Parameters
+    ----------
+    design
+        Derivatives to the levels, at given cones and blurs.
+    prior_precision
+        (m, l) of each level around zero, times the noise variance.
+    prior
+        What samples outside the band add about the levels.
+    """
+    basis = design.basis
+    number = basis.shape[1]
+    gram = _regularized(design.products[:, :-1, :-1], prior_precision)
+    right = design.products[:, :-1, -1]
+    if prior is not None:
+        gram, right = gram + prior.gram, right + prior.right
     levels = np.asarray(np.linalg.solve(gram, right[..., None])[..., 0])
-    few = levels.astype(shapes.dtype)[:, None]
-    model = (few @ columns.columns[:, :-1])[:, 0]
-    residual = (model - columns.columns[:, -1]) * columns.weight
-    step = ((few[..., :number] - few[..., number:-1]) @ shapes)[:, 0]
-    # The odd term moves with the edge.
-    step += few[..., -1] * columns.odd_slope
-    step *= columns.weight
+    few = levels.astype(basis.dtype)[:, None]
+    model = (few @ design.columns[:, :-1])[:, 0]
+    residual = (model - design.columns[:, -1]) * design.weight
+    step = ((few[..., :number] - few[..., number:-1]) @ basis)[:, 0]
+    # The halo moves with the edge.
+    step += few[..., -1] * design.halo_slope
+    step *= design.weight
     square = np.einsum("mk,mk->m", residual, residual).astype(np.float64)
-    return Levels(
+    misfit = 0.0 if prior is None else prior.misfit(levels)
+    return FittedLevels(
         residual=residual,
-        slopes=share.by_parameters * step[:, None],
-        linear=columns.weighted,
+        slopes=design.edge_spread.derivatives * step[:, None],
+        linear=design.weighted,
         gram=gram,
         levels=levels,
         model=model,
         square=square,
-        cost=square + np.sum(stiff * levels**2, axis=1) + (0.0 if more is None else more.misfit(levels)),
+        cost=square + np.sum(prior_precision * levels**2, axis=1) + misfit,
     )
 
 
-def _regular(gram: FloatArray, stiff: FloatArray | float = 0.0) -> FloatArray:
-    """Return the information (m, l, l) on levels with that of `stiff` (m, l), and a little of any."""
+def _regularized(gram: FloatArray, prior_precision: FloatArray | float = 0.0) -> FloatArray:
+    """Return the information (m, l, l) on levels with the `prior_precision` (m, l) and a ridge."""
     ridge = _RIDGE * np.trace(gram, axis1=1, axis2=2) / gram.shape[1] + 1e-30
-    return np.asarray(gram + (stiff + ridge[:, None])[:, :, None] * np.eye(gram.shape[1]))
-
-
-def textures(finest: int) -> int:
-    """Return how many levels for texture there are on each side, with harmonics up to an order `finest`."""
-    return 1 + 2 * finest + 2 * (finest - 2)
-
-
-def texture_shapes(at: Places, finest: int = FINEST) -> RealArray:
-    """Return the `harmonics` (m, 5 + t, k) and what texture may add: finer ones, and slopes across the rim, as fine.
-
-    That is what a level that varies on the scale of the band or more does within it, to first order.
-    """
-    p0, p1 = at.plane
-    shapes = np.empty((len(p0), SHAPES + textures(finest), p0.shape[1]), p0.dtype)
-    shapes[:, :SHAPES] = at.shapes
-    per_radius = 1.0 / np.maximum(at.radius, 1e-6)
-    u0, u1 = p0 * per_radius, p1 * per_radius
-    slope = at.distance_px * (1.0 / _BAND_PX)
-    cos, sin = np.ones_like(u0), np.zeros_like(u0)
-    shapes[:, SHAPES] = slope
-    place = SHAPES + 1
-    for order in range(1, finest + 1):
-        cos, sin = cos * u0 - sin * u1, cos * u1 + sin * u0
-        if order > 2:
-            shapes[:, place], shapes[:, place + 1] = cos, sin
-            place += 2
-        np.multiply(slope, cos, out=shapes[:, place])
-        np.multiply(slope, sin, out=shapes[:, place + 1])
-        place += 2
-    return shapes
+    return np.asarray(gram + (prior_precision + ridge[:, None])[:, :, None] * np.eye(gram.shape[1]))

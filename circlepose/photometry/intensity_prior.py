@@ -1,8 +1,10 @@
-"""What the pixels farther from a rim say of the levels inside and outside. Many rims at once.
+"""The prior of the levels inside and outside a rim, from pixels outside its band. Many rims at once.
 
-Of where the rim is they tell nothing, but with the levels known from a few px beside it alone, a third of what the
-pixels tell of a disc's size is lost. As no part of the edge is in them, they enter as sums that are made once. A side
-that does not go on as it is at the rim (texture, another object) is not asked.
+The level of a pixel far from the edge is in(p) or out(p), harmonic polynomials of its coordinates p. Its squared
+residuals add up to l' G l - 2 r' l + s at levels l. These pixels do not depend on where the rim is, but without them
+the levels are known only from a few px near the rim, which loses a third of the information on a disc's size. As no
+edge is in them, their sums are computed once. A side is used only where it continues the levels at the rim; texture
+or another object may stand there.
 """
 
 from __future__ import annotations
@@ -13,61 +15,76 @@ from typing import Self
 import numpy as np
 
 from circlepose._typing import BoolArray, FloatArray
-from circlepose.photometry.edge_spread import SHAPES, harmonics
-from circlepose.photometry.intensity_model import LINEAR
-from circlepose.photometry.pixel_band import Beyond
-
-_LEAST_PIXELS = 24
-_MOST_SCATTER = 1.5
-"""Times the variance at the rim."""
-_UNLIKELY = 16.0
-"""Square of the distance between both sets of five levels, in standard errors, from which they are not the same."""
+from circlepose.photometry.options import DEFAULT, PhotometryOptions
+from circlepose.photometry.pixel_band import OuterSamples
+from circlepose.photometry.rim_coordinates import HARMONICS, LEVELS, harmonics
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FarLevels:
-    """Sums over the far pixels of m rims: the squares of what they miss add up to l'Gl - 2 r'l + s, at levels l."""
+class IntensityPrior:
+    """Quadratic forms l' G l - 2 r' l + s of the levels l of m rims, in squared levels."""
 
     gram: FloatArray
-    """(m, 11, 11)"""
+    """G (m, 11, 11)"""
     right: FloatArray
-    """(m, 11)"""
+    """r (m, 11)"""
     square: FloatArray
-    """(m,)"""
-    goes_on: BoolArray
-    """(m,) both sides are asked, in the first ring at least"""
+    """s (m,)"""
+    is_continued: BoolArray
+    """(m,) both sides continue in the first ring"""
 
     @classmethod
     def of(
-        cls, beyond: Beyond, factors: FloatArray, near: tuple[FloatArray, FloatArray], variance: FloatArray
+        cls,
+        outer: OuterSamples,
+        factors: FloatArray,
+        near: tuple[FloatArray, FloatArray],
+        variance: FloatArray,
+        *,
+        options: PhotometryOptions = DEFAULT,
     ) -> Self:
-        """Sum over the sides, inside and outside, that go on as the levels do that were fitted near the rims.
+        """Sum over the sides, inside and outside, that continue the levels at the rims.
 
-        The rims are those of cones with `factors` (m, 3, 3); `near` are those levels (m, 11) and their covariance
-        (m, 11, 11), and `variance` (m,) is that of the pixels about their model.
+        Parameters
+        ----------
+        outer
+            Samples outside the bands.
+        factors
+            (m, 3, 3) of the cones, camera frame.
+        near
+            Levels (m, 11) fitted to the bands, and their covariance (m, 11, 11).
+        variance
+            (m,) of the pixels in the bands about their model, squared levels.
+        options
+            Tunable numbers.
         """
-        local = np.linalg.inv(factors).astype(beyond.rays.dtype) @ beyond.rays
-        shapes = harmonics(local[..., :2, :] / local[..., 2:, :])
-        weighted = shapes * beyond.weight[..., None, :]
-        gram = (weighted @ np.swapaxes(shapes, -1, -2)).astype(np.float64)
-        right = (weighted @ beyond.levels[..., None])[..., 0].astype(np.float64)
+        local = np.linalg.inv(factors).astype(outer.rays.dtype) @ outer.rays
+        basis = harmonics(local[..., :2, :] / local[..., 2:, :])
+        weighted = basis * outer.weight[..., None, :]
+        gram = (weighted @ np.swapaxes(basis, -1, -2)).astype(np.float64)
+        right = (weighted @ outer.levels[..., None])[..., 0].astype(np.float64)
         ridge = 1e-6 * np.trace(gram, axis1=-2, axis2=-1)[..., None, None] + 1e-9
-        covariance = np.linalg.inv(gram + ridge * np.eye(SHAPES))
+        covariance = np.linalg.inv(gram + ridge * np.eye(HARMONICS))
         levels = (covariance @ right[..., None])[..., 0]
-        missed = (levels.astype(shapes.dtype)[..., None, :] @ shapes)[..., 0, :] - beyond.levels
-        count = np.sum(beyond.weight, axis=-1)
-        scatter = np.einsum("smk,smk->sm", missed * missed, beyond.weight) / np.maximum(count - SHAPES, 1.0)
-        own = (slice(SHAPES), slice(SHAPES, 2 * SHAPES)) * (len(beyond.levels) // 2)
-        apart = levels - np.stack([near[0][:, each] for each in own])
-        both = covariance * scatter[..., None, None] + np.stack([near[1][:, each, each] for each in own])
-        distance = np.sum(apart * np.linalg.solve(both, apart[..., None])[..., 0], axis=-1)
-        like = (count >= _LEAST_PIXELS) & (scatter < _MOST_SCATTER * variance) & (distance < _UNLIKELY)
-        square = np.einsum("smk,smk->sm", beyond.levels * beyond.levels, beyond.weight)
-        asked, all_right = np.zeros((len(factors), LINEAR, LINEAR)), np.zeros((len(factors), LINEAR))
-        for side, each in enumerate(own):
-            asked[:, each, each] += like[side, :, None, None] * gram[side]
-            all_right[:, each] += like[side, :, None] * right[side]
-        return cls(asked, all_right, np.sum(like * square, axis=0), like[:2].all(axis=0))
+        residual = (levels.astype(basis.dtype)[..., None, :] @ basis)[..., 0, :] - outer.levels
+        count = np.sum(outer.weight, axis=-1)
+        freedom = np.maximum(count - HARMONICS, 1.0)
+        scatter = np.einsum("smk,smk->sm", residual * residual, outer.weight) / freedom
+        sides = (slice(HARMONICS), slice(HARMONICS, 2 * HARMONICS)) * (len(outer.levels) // 2)
+        difference = levels - np.stack([near[0][:, side] for side in sides])
+        both = covariance * scatter[..., None, None] + np.stack([near[1][:, side, side] for side in sides])
+        distance = np.sum(difference * np.linalg.solve(both, difference[..., None])[..., 0], axis=-1)
+        is_continued = (
+            (count >= options.prior_least_pixels)
+            & (scatter < options.prior_variance_ratio * variance)
+            & (distance < options.prior_distance_square)
+        )
+        square = np.einsum("smk,smk->sm", outer.levels * outer.levels, outer.weight)
+        all_gram, all_right = np.zeros((len(factors), LEVELS, LEVELS)), np.zeros((len(factors), LEVELS))
+        for i, side in enumerate(sides):
+            all_gram[:, side, side] += is_continued[i, :, None, None] * gram[i]
+            all_right[:, side] += is_continued[i, :, None] * right[i]
+        return cls(all_gram, all_right, np.sum(is_continued * square, axis=0), is_continued[:2].all(axis=0))
 
     def misfit(self, levels: FloatArray) -> FloatArray:
         """Return (m,) the sum of squares at `levels` (m, 11)."""

@@ -1,4 +1,8 @@
-"""Which pixels about rims tell something: not those that are clipped, nor where something hides or touches a rim."""
+"""The selection of pixels for a fit: without clipped pixels, and without cells that are outliers.
+
+A clipped pixel is an inequality constraint: it is used where the model is within the range, and has no weight where
+the model is beyond the clipped level. Outliers are those of `occlusion`.
+"""
 
 from __future__ import annotations
 
@@ -9,65 +13,88 @@ import numpy as np
 
 from circlepose._batching import rows
 from circlepose._typing import BoolArray, FloatArray, IntArray, RealArray
-from circlepose.photometry.gauss_newton import Seen
-from circlepose.photometry.intensity_model import Levels
-from circlepose.photometry.occlusion import ZONES, cells_of, unlike_others
+from circlepose.photometry.gauss_newton import Linearization
+from circlepose.photometry.intensity_model import FittedLevels
+from circlepose.photometry.occlusion import outlier_cells
+from circlepose.photometry.options import DEFAULT, PhotometryOptions
 from circlepose.photometry.pixel_band import Bands
-
-_STRETCH_PX = 8.0
-_STRETCHES = (12, 72)
+from circlepose.photometry.segments import ZONES, cell_indices
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pixels:
-    """The pixels about m rims, k each, before any of them is left out."""
+    """The pixels around m rims, k each, before the selection."""
 
-    given: BoolArray
-    """(m, k) which are no padding"""
-    dark: BoolArray
-    """(m, k) clipped from below"""
-    light: BoolArray
-    """(m, k) and from above"""
+    is_valid: BoolArray
+    """(m, k) no padding"""
+    is_dark: BoolArray
+    """(m, k) clipped at the lower limit"""
+    is_bright: BoolArray
+    """(m, k) clipped at the upper limit"""
     levels: RealArray
-    """(m, k) less of what others add"""
-    added: RealArray
-    """(m, k) that is, of other rims close by"""
-    stretches: IntArray
-    """(m,) in which each rim is cut"""
+    """(m, k) measured, less `neighbors`"""
+    neighbors: RealArray
+    """(m, k) levels that other rims close by add"""
+    segments: IntArray
+    """(m,) of each rim"""
     limits: tuple[float, float]
+    """levels at which the image is clipped"""
 
     @classmethod
     def of(
-        cls, bands: Bands, perimeter_px: FloatArray, limits: tuple[float, float], beside: RealArray | None
+        cls,
+        bands: Bands,
+        perimeter_px: FloatArray,
+        limits: tuple[float, float],
+        neighbors: RealArray | None,
+        *,
+        options: PhotometryOptions = DEFAULT,
     ) -> Self:
-        """Return those of `bands`, see `photometric.fit_to_levels`."""
-        added = np.zeros_like(bands.levels) if beside is None else beside
+        """Return the pixels of `bands`; parameters as of `fit.fit_to_levels`."""
+        added = np.zeros_like(bands.levels) if neighbors is None else neighbors
+        number = (options.least_segments, options.most_segments)
         return cls(
-            given=bands.weight > 0.0,
-            dark=bands.levels <= limits[0],
-            light=bands.levels >= limits[1],
+            is_valid=bands.weight > 0.0,
+            is_dark=bands.levels <= limits[0],
+            is_bright=bands.levels >= limits[1],
             levels=bands.levels - added,
-            added=added,
-            stretches=np.clip(perimeter_px / _STRETCH_PX, *_STRETCHES).astype(np.int64),
+            neighbors=added,
+            segments=np.clip(perimeter_px / options.segment_px, *number).astype(np.int64),
             limits=limits,
         )
 
-    def telling(
-        self, which: IntArray | slice, seen: Seen, state: Levels, weight: RealArray
+    def select(
+        self,
+        which: IntArray | slice,
+        linearization: Linearization,
+        fitted: FittedLevels,
+        weight: RealArray,
+        *,
+        options: PhotometryOptions = DEFAULT,
     ) -> tuple[RealArray, BoolArray, IntArray]:
-        """Return the weights (n, k) of the pixels of the rims `which`, what is left out, and the pixels' stretches.
+        """Return weights (n, k), outlier cells (n, segments, zones) and each pixel's segment (n, k).
 
-        From how the m rims are `seen`, with the levels of that `state` and the `weight` (m, k) in use so far. What is
-        left out is (n, stretches, zones), see `unlike`.
+        Parameters
+        ----------
+        which
+            The n of m rims to select pixels of.
+        linearization, fitted
+            The model and the levels of the m rims.
+        weight
+            (m, k) weights in use so far.
+        options
+            Tunable numbers.
         """
-        most = int(self.stretches.max())
+        most = int(self.segments.max())
         own = rows(self, which)
-        plane, distance_px, sigma_px = rows((seen.at.plane, seen.at.distance_px, np.exp(seen.blur[:, 0])), which)
-        model, contrast, in_use = rows((state.model, state.contrast, weight), which)
-        shape = (len(own.stretches), most, ZONES)
-        cells = cells_of(plane, distance_px, sigma_px, own.stretches, shape)
-        # A clipped level tells only where the model would have it on this side of the clip.
+        at = linearization.coordinates
+        plane, distance_px, sigma_px = rows((at.plane, at.distance_px, np.exp(linearization.blur[:, 0])), which)
+        model, contrast, in_use = rows((fitted.model, fitted.contrast, weight), which)
+        shape = (len(own.segments), most, ZONES)
+        cells = cell_indices(plane, distance_px, sigma_px, own.segments, shape, options=options)
         low, high = self.limits
-        tells = own.given & ~((own.light & (model + own.added >= high)) | (own.dark & (model + own.added <= low)))
-        left_out = unlike_others(model - own.levels, tells, in_use, cells, contrast, shape)
-        return (tells & ~left_out.ravel()[cells]).astype(weight.dtype), left_out, (cells // ZONES) % most
+        is_beyond = (own.is_bright & (model + own.neighbors >= high)) | (own.is_dark & (model + own.neighbors <= low))
+        is_informative = own.is_valid & ~is_beyond
+        outliers = outlier_cells(model - own.levels, is_informative, in_use, cells, contrast, shape, options=options)
+        selected = (is_informative & ~outliers.ravel()[cells]).astype(weight.dtype)
+        return selected, outliers, (cells // ZONES) % most

@@ -1,4 +1,11 @@
-"""How far the residuals of neighbouring pixels go together: then they tell less than as many independent ones."""
+"""The correlation of neighboring residuals along a rim, which inflates the covariance.
+
+With the slopes J (8, k) of the parameters, the levels eliminated, the residuals r (k) and the information H = J J',
+the score of a segment s moves the five modes by u_s = H^-1 sum over s of J r. Independent residuals with the variance
+v give sum of u_s' P u_s = 5 v, with P the information on the five modes alone. The ratio of both sides, corrected for
+what the fit absorbs, is the correlation. It is above 1 where neighbors err alike: texture, or a model that does not
+hold.
+"""
 
 from __future__ import annotations
 
@@ -6,48 +13,55 @@ import numpy as np
 
 from circlepose._typing import FloatArray, IntArray, RealArray
 from circlepose.geometry.cone_perturbation import MODES
-
-_JOINED = (1, 2, 4)
-"""Neighbouring stretches taken together, each time twice as many."""
-_TAKEN_OUT = 12.0
-"""The fit takes out what it can: of n stretches about n/(n + 12) of the scatter is left."""
-_CHANCE = 4.5
-"""Correlation that counts: above 1 + 4.5/sqrt(n), three standard deviations of that of independent residuals. Both as
-rendered discs of 3 to 72 stretches, single or joined, have it."""
+from circlepose.photometry.options import DEFAULT, PhotometryOptions
+from circlepose.photometry.segments import segment_sums
 
 
-def correlation_of(
+def residual_correlation(
     slopes: RealArray,
     residual: RealArray,
-    stretch: IntArray,
-    numbers: IntArray,
+    segment: IntArray,
+    segments: IntArray,
     inverse: FloatArray,
     variance: FloatArray,
+    *,
+    options: PhotometryOptions = DEFAULT,
 ) -> FloatArray:
-    """Return (m,) how much more the residuals of a stretch move the rim than independent ones would; at least 1.
+    """Return (m,) the scatter of the segments' scores over that of independent residuals; 1 if not significant.
 
-    By the slopes (m, 8, k), of which the first five are to the rim's modes, with what else is fitted taken out, and
-    the `inverse` (m, 8, 8) of their information, each residual (m, k) moves the rim. Summed by stretch, independent
-    ones with that `variance` (m,) scatter as the information says. Where neighbours err alike (texture, a model that
-    does not hold), they scatter more, and so does the estimate. `stretch` (m, k) of each pixel, of `numbers` (m,) in
-    all for each rim. Coarse texture shows in joined stretches only, of which there are few: there chance makes more
-    of it.
+    Coarse texture shows only in joined segments. There are few of them, so the limit of significance is higher.
+
+    Parameters
+    ----------
+    slopes
+        (m, 8, k) derivatives of the residuals to the five modes and the blur, the levels eliminated.
+    residual
+        (m, k) levels.
+    segment
+        (m, k) of each pixel.
+    segments
+        (m,) of each rim.
+    inverse
+        (m, 8, 8) inverse of the information, without the noise variance.
+    variance
+        (m,) of the noise, squared levels.
+    options
+        Tunable numbers.
     """
-    rims, most = len(inverse), int(numbers.max())
-    flat = (stretch + most * np.arange(rims)[:, None]).ravel()
+    rims, most = len(inverse), int(segments.max())
+    index = segment + most * np.arange(rims)[:, None]
     moved = (inverse[:, :MODES].astype(slopes.dtype) @ slopes) * residual[:, None]
-    # By how much each stretch moves the rim, beside how much it moves in all.
-    sums = [np.bincount(flat, moved[:, i].ravel(), rims * most) for i in range(MODES)]
-    moves = np.stack(sums, axis=-1).reshape(rims, most, MODES)
+    scores = np.stack([segment_sums(moved[:, i], index, (rims, most)) for i in range(MODES)], axis=-1)
     information = np.linalg.inv(inverse[:, :MODES, :MODES])
     largest = np.ones(rims)
     joined = 1
-    for more in _JOINED:
+    for more in options.joined_segments:
         if more > joined:
-            moves = moves + np.concatenate([moves[:, joined:], moves[:, :joined]], axis=1)
+            scores = scores + np.concatenate([scores[:, joined:], scores[:, :joined]], axis=1)
             joined = more
-        total = np.sum((moves @ information) * moves, axis=(1, 2)) / joined
-        number = numbers / joined
-        ratio = total / (MODES * variance) * (1.0 + _TAKEN_OUT / number)
-        largest = np.maximum(largest, np.where(ratio > 1.0 + _CHANCE / np.sqrt(number), ratio, 1.0))
+        total = np.sum((scores @ information) * scores, axis=(1, 2)) / joined
+        number = segments / joined
+        ratio = total / (MODES * variance) * (1.0 + options.fitted_segments / number)
+        limit = 1.0 + options.correlation_limit / np.sqrt(number)
+        largest = np.maximum(largest, np.where(ratio > limit, ratio, 1.0))
     return largest

@@ -133,7 +133,7 @@ def test_an_exact_contour_close_to_edge_on_is_no_segment(exponent, lean, number,
     camera = Camera.create(CAMERA.camera_matrix)
     pixels = circle_contour(camera, case.center, case.normal, case.radius, number)
     result = circlepose.estimate_from_contour(pixels, camera, case.radius, method=method)
-    assert result.cone == "elliptical"
+    assert result.cone_kind == "elliptical"
     assert len(result.candidates) == 2
     measured = error(result, TrueCircle(case.center, case.normal, None, None, "disc"))
     assert measured.position_mm < 700.0 * 2e-15 / width + 1e-9
@@ -159,7 +159,7 @@ def test_a_contour_that_scatters_is_frontal_or_a_segment_within_its_own_errors()
         noise = 0.02 * np.random.default_rng(4).normal(size=points.shape)
         if kind == "degenerate":
             noise = np.abs(noise) * np.sign(points - points.mean(axis=0))
-        assert circlepose.estimate_from_contour(points + noise, camera, 45.0).cone == kind
+        assert circlepose.estimate_from_contour(points + noise, camera, 45.0).cone_kind == kind
 
 
 @pytest.mark.parametrize("points", [np.zeros(7), np.full((9, 2), np.nan), np.zeros((9, 3))])

@@ -8,7 +8,7 @@ import pytest
 import circlepose
 from circlepose import Camera, Target
 from circlepose.geometry.ellipse import Ellipse
-from circlepose.photometry.binary_mask import as_fitted, is_mask
+from circlepose.photometry.binary_mask import is_mask, with_mask_scaled
 
 SIZE = (320, 240)
 CAMERA = Camera.create([[400.0, 0, 159.5], [0, 400.0, 119.5], [0, 0, 1]], (), SIZE)
@@ -94,7 +94,7 @@ def test_what_has_levels_between_is_no_mask() -> None:
     growth = (np.hypot(along, across) - 1.0) * 10.0
     averaged = np.rint(255.0 * np.clip(0.5 + growth, 0.0, 1.0)).astype(np.uint8)
     assert not is_mask(averaged, RIM)
-    assert as_fitted(averaged, [RIM[0]]) is averaged
+    assert with_mask_scaled(averaged, [RIM[0]]) is averaged
     decided = np.where(growth > 0.0, 255, 0).astype(np.uint8)
     assert is_mask(decided, RIM)
     # Rims of classes of their own, such as labels 1, 2, 3, are masks as well; an even image shows none.

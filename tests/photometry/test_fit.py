@@ -1,4 +1,4 @@
-"""The fit to grey levels: exact shares and derivatives, errors as large as the covariance says, honest refusals."""
+"""The fit to gray levels: exact coverage and derivatives, errors as large as the covariance says, refusals."""
 
 from __future__ import annotations
 
@@ -16,9 +16,10 @@ from circlepose.geometry.cone_perturbation import coefficients_between, dual_cir
 from circlepose.geometry.ellipse import Ellipse
 from circlepose.measurement.intensity_fit import refined
 from circlepose.measurement.rim import EdgeRim, FittedRim, rim_from_fit
-from circlepose.photometry.edge_spread import curved, places, straight
-from circlepose.photometry.intensity_model import LINEAR, Columns, fit_levels
+from circlepose.photometry.edge_spread import curved_edge_spread, straight_edge_spread
+from circlepose.photometry.intensity_model import DesignMatrix, fit_levels
 from circlepose.photometry.pixel_band import bands_around
+from circlepose.photometry.rim_coordinates import LEVELS, rim_coordinates
 from circlepose.synthesis.render import render
 from circlepose.synthesis.scene import Disc, Paint, Scene, Texture
 
@@ -41,7 +42,7 @@ def disc_scene(radius_px, tilt_deg, seed, *, blur=0.7, noise=2.0, dark=40.0, lig
 
 
 def start(scene, off_px, seed):
-    """A rim about `off_px` off the truth, as an extraction may leave it."""
+    """A rim displaced by about `off_px` from the truth, as after a detection."""
     disc = scene.targets[0]
     factor = factor_from_circle(disc.center_mm, disc.normal, disc.radius_mm)
     radius_px = FOCAL * disc.radius_mm / np.linalg.norm(disc.center_mm)
@@ -63,15 +64,15 @@ def test_errors_are_as_large_as_the_covariance_says(radius_px, blur, noise):
         scene = disc_scene(radius_px, 10.0 + 2.0 * seed, seed, blur=blur, noise=noise)
         (rim,) = refined(render(scene), scene.camera, [start(scene, 0.2, seed)])
         assert rim.modes_covariance is not None
-        off = errors(scene, rim)
-        squares.append(off @ np.linalg.solve(rim.modes_covariance, off))
+        error = errors(scene, rim)
+        squares.append(error @ np.linalg.solve(rim.modes_covariance, error))
         sigmas.append(np.sqrt(np.diag(rim.modes_covariance)) * radius_px)
-    # Of five amounts: 5 on average, with a standard deviation of 3.2/sqrt(24).
+    # Of five coefficients: 5 on average, with a standard deviation of 3.2/sqrt(24).
     assert 3.0 < np.mean(squares) < 8.0
     assert np.median(sigmas) < 0.05 * np.sqrt(10.0 / radius_px) * max(noise / 2.0, 1.0)
 
 
-def test_mottled_surfaces_are_told_of():
+def test_the_covariance_holds_on_textured_surfaces():
     """Texture near a rim looks like an edge a little elsewhere: the fit meets most of it, the covariance the rest."""
     squares, pixels = [], []
     for seed in range(16):
@@ -81,9 +82,9 @@ def test_mottled_surfaces_are_told_of():
         mottled = replace(scene, targets=(on_disc,), background=Paint(200.0, Texture(6.0, 14.0, 100 + seed)))
         (rim,) = refined(render(mottled), scene.camera, [start(scene, 0.1, seed)])
         assert rim.modes_covariance is not None
-        off = errors(scene, rim)
-        squares.append(off @ np.linalg.solve(rim.modes_covariance, off))
-        pixels.append(np.abs(off) * 40.0)
+        error = errors(scene, rim)
+        squares.append(error @ np.linalg.solve(rim.modes_covariance, error))
+        pixels.append(np.abs(error) * 40.0)
     assert 1.5 < np.mean(squares) < 8.0
     assert np.median(pixels) < 0.01
 
@@ -91,9 +92,9 @@ def test_mottled_surfaces_are_told_of():
 def test_the_lens_is_inside_the_model():
     scene = disc_scene(40.0, 40.0, 3, noise=0.5, dist=(-0.3, 0.1, 0.001, -0.001))
     (rim,) = refined(render(scene), scene.camera, [start(scene, 0.3, 3)])
-    off = errors(scene, rim)
-    assert off @ np.linalg.solve(rim.modes_covariance, off) < 25.0
-    assert np.max(np.abs(off)) * 40.0 < 0.01
+    error = errors(scene, rim)
+    assert error @ np.linalg.solve(rim.modes_covariance, error) < 25.0
+    assert np.max(np.abs(error)) * 40.0 < 0.01
 
 
 def test_sixteen_bits_and_eight_say_the_same():
@@ -114,7 +115,7 @@ def test_an_image_without_noise_has_that_of_its_whole_levels():
     assert np.all(sigma < 2e-3)
 
 
-def test_light_beyond_the_range_is_no_evidence():
+def test_saturated_pixels_do_not_bias_the_rim():
     scene = disc_scene(30.0, 40.0, 6, light=260.0, noise=1.0)
     image = render(scene)
     assert (image == 255).mean() > 0.3
@@ -122,7 +123,7 @@ def test_light_beyond_the_range_is_no_evidence():
     assert np.max(np.abs(errors(scene, rim))) * 30.0 < 0.02
 
 
-def test_a_hidden_stretch_is_left_out():
+def test_a_hidden_segment_is_left_out():
     scene = disc_scene(40.0, 35.0, 7, noise=1.0)
     image = render(scene)
     middle = image.shape[0] // 2
@@ -142,7 +143,7 @@ def test_a_rim_is_fitted_together_with_others_as_it_is_alone():
     scenes = [replace(first, camera=camera, targets=(each,)) for each in discs]
     image = render(replace(scenes[0], targets=tuple(discs)))
     image[40:60, 200:235] = 120
-    starts = [start(scene, off, 9) for scene, off in zip(scenes, (0.1, 0.5, 0.1, 0.1), strict=True)]
+    starts = [start(scene, offset, 9) for scene, offset in zip(scenes, (0.1, 0.5, 0.1, 0.1), strict=True)]
     together = refined(image, camera, starts)
     assert together[2].rim_used < 0.95 < together[0].rim_used
     for rim, scene, begun in zip(together, scenes, starts, strict=True):
@@ -166,12 +167,12 @@ def test_discs_that_nearly_touch_do_not_pull_each_other():
     starts = [start(replace(scene, targets=(each,)), 0.1, 8) for each in (left, right)]
     for each, rim in zip((left, right), refined(render(scene), camera, starts), strict=True):
         assert rim.modes_covariance is not None
-        off = errors(replace(scene, targets=(each,)), rim)
-        # Without the neighbour taken off, the first harmonic alone is some 0.04 px.
-        assert np.max(np.abs(off)) * 8.0 < 0.04
+        error = errors(replace(scene, targets=(each,)), rim)
+        # Without the neighbor's levels subtracted, the first harmonic alone is about 0.04 px.
+        assert np.max(np.abs(error)) * 8.0 < 0.04
 
 
-def test_where_the_levels_tell_nothing_the_edges_stand_and_it_is_said():
+def test_without_contrast_the_edges_stand_and_the_rim_is_flagged():
     scene = disc_scene(20.0, 30.0, 9)
     before = start(scene, 0.2, 9)
     flat = np.full(render(scene).shape, 128, np.uint8)
@@ -186,8 +187,8 @@ def test_a_rim_mostly_outside_the_image_has_no_covariance_or_a_wide_one():
     whole = start(scene, 0.1, 10)
     (rim,) = refined(image, scene.camera, [whole])
     if isinstance(rim, FittedRim):
-        off = errors(scene, rim)
-        assert off @ np.linalg.solve(rim.modes_covariance, off) < 30.0
+        error = errors(scene, rim)
+        assert error @ np.linalg.solve(rim.modes_covariance, error) < 30.0
         assert np.sqrt(rim.modes_covariance[0, 0]) * 30.0 > 0.02
 
 
@@ -204,33 +205,38 @@ def seen(radius_px, tilt_deg, reach=4.0):
     return double, factor, rim.ellipse
 
 
-@pytest.mark.parametrize("way", [straight, curved])
+@pytest.mark.parametrize("way", [straight_edge_spread, curved_edge_spread])
 def test_derivatives_of_the_share(way):
     bands, factor, _ = seen(20.0, 40.0)
     blur = np.array([[np.log(0.9), 0.1, -0.05]])
-    share = way(places(bands, factor), blur)
+    spread = way(rim_coordinates(bands, factor), blur)
     step = 1e-5
     for i in range(5):
         amounts = np.zeros(5)
         amounts[i] = step
-        high = way(places(bands, grown(factor, amounts[None])), blur).share
-        low = way(places(bands, grown(factor, -amounts[None])), blur).share
+        high = way(rim_coordinates(bands, grown(factor, amounts[None])), blur).coverage
+        low = way(rim_coordinates(bands, grown(factor, -amounts[None])), blur).coverage
         numeric = (high - low) / (2.0 * step)
         scale = np.max(np.abs(numeric))
-        # `straight` takes the curvature for constant along the rim.
-        assert np.max(np.abs(share.by_parameters[:, i] - numeric)) < (0.06 if way is straight else 0.03) * scale
+        # `straight_edge_spread` takes the curvature for constant along the rim.
+        assert (
+            np.max(np.abs(spread.derivatives[:, i] - numeric))
+            < (0.06 if way is straight_edge_spread else 0.03) * scale
+        )
     for i in range(3):
         moved = np.zeros((1, 3))
         moved[0, i] = step
-        at = places(bands, factor)
-        numeric = (way(at, blur + moved).share - way(at, blur - moved).share) / (2.0 * step)
-        np.testing.assert_allclose(share.by_parameters[:, 5 + i], numeric, atol=1e-6)
+        at = rim_coordinates(bands, factor)
+        numeric = (way(at, blur + moved).coverage - way(at, blur - moved).coverage) / (2.0 * step)
+        np.testing.assert_allclose(spread.derivatives[:, 5 + i], numeric, atol=1e-6)
 
 
 def test_both_ways_agree_where_the_rim_is_nearly_straight():
     bands, factor, _ = seen(150.0, 20.0)
-    at, blur = places(bands, factor), np.array([[np.log(0.8), 0.0, 0.0]])
-    np.testing.assert_allclose(straight(at, blur).share, curved(at, blur).share, atol=1e-4)
+    at, blur = rim_coordinates(bands, factor), np.array([[np.log(0.8), 0.0, 0.0]])
+    np.testing.assert_allclose(
+        straight_edge_spread(at, blur).coverage, curved_edge_spread(at, blur).coverage, atol=1e-4
+    )
 
 
 @pytest.mark.parametrize(("radius_px", "tilt_deg"), [(4.0, 20.0), (6.0, 50.0), (12.0, 60.0)])
@@ -238,7 +244,7 @@ def test_the_share_of_a_small_disc_is_exact(radius_px, tilt_deg):
     """Against the ellipse's indicator on a grid 20 times finer, blurred by sums."""
     bands, factor, ellipse = seen(radius_px, tilt_deg, reach=3.0)
     sigma = 0.8
-    share = curved(places(bands, factor), np.array([[np.log(sigma), 0.0, 0.0]])).share[0]
+    share = curved_edge_spread(rim_coordinates(bands, factor), np.array([[np.log(sigma), 0.0, 0.0]])).coverage[0]
     used = bands.weight[0] > 0.0
     for pixel, value in zip(bands.pixels[0][used][::7], share[used][::7], strict=True):
         assert value == pytest.approx(blurred_indicator(ellipse, pixel, sigma), abs=0.006)
@@ -255,7 +261,7 @@ def blurred_indicator(ellipse: Ellipse, pixel, sigma):
     return float(np.sum(weight * inside) / np.sum(weight))
 
 
-def test_unequal_blur_is_told_from_a_tilt():
+def test_anisotropic_blur_is_distinguished_from_a_tilt():
     """A frontal disc blurred more along rows than along columns: alpha is met, and the levels fit."""
     scene = disc_scene(15.0, 30.0, 12, blur=0.3, noise=0.0)
     image = cv2.GaussianBlur(render(scene).astype(np.float32), (0, 0), sigmaX=1.2, sigmaY=0.8)
@@ -263,12 +269,12 @@ def test_unequal_blur_is_told_from_a_tilt():
     factor = factor_from_circle(disc.center_mm, disc.normal, disc.radius_mm)[None]
     rim = start(scene, 0.0, 12)
     bands = bands_around(image, scene.camera, [rim.ellipse], np.array([4.0]))
-    at = places(bands, factor)
+    at = rim_coordinates(bands, factor)
 
     def rms(alpha):
         variance = 0.3**2 + 1.0 / 12.0 + (1.2**2 + 0.8**2) / 2.0
-        share = curved(at, np.array([[np.log(variance) / 2.0, alpha, 0.0]]))
-        return float(fit_levels(Columns.of(bands, at, share), np.zeros((1, LINEAR))).square[0])
+        share = curved_edge_spread(at, np.array([[np.log(variance) / 2.0, alpha, 0.0]]))
+        return float(fit_levels(DesignMatrix.of(bands, at, share), np.zeros((1, LEVELS))).square[0])
 
     wanted = (1.2**2 - 0.8**2) / (1.2**2 + 0.8**2 + 2.0 * (0.3**2 + 1.0 / 12.0))
     assert rms(wanted) < 0.1 * rms(0.0)

@@ -16,8 +16,9 @@ from circlepose.camera.camera import Camera
 from circlepose.fitting.cone_projection import factor_from_ellipse
 from circlepose.geometry.cone_perturbation import grown
 from circlepose.geometry.ellipse import Ellipse
-from circlepose.photometry.edge_spread import curved, places
+from circlepose.photometry.edge_spread import curved_edge_spread
 from circlepose.photometry.pixel_band import Bands, bands_around
+from circlepose.photometry.rim_coordinates import rim_coordinates
 from circlepose.synthesis.render import render
 
 CAMERA = Camera.create([[1200.0, 0.0, 180.0], [0.0, 1200.0, 40.0], [0.0, 0.0, 1.0]], (), (361, 81))
@@ -51,29 +52,31 @@ def blurred(ellipse: Ellipse, pixels: np.ndarray, sigma: float) -> np.ndarray:
 @given(semi_major=st.floats(30.0, 160.0), semi_minor=st.floats(3.0, 15.0), sigma=st.floats(0.5, 1.1))
 def test_the_share_of_a_sliver_is_exact_up_to_its_tips(semi_major, semi_minor, sigma):
     bands, factor, ellipse = around(semi_major, semi_minor)
-    share = curved(places(bands, factor), np.array([[np.log(sigma), 0.0, 0.0]])).share[0]
-    off = (share - blurred(ellipse, bands.pixels[0], sigma)) * bands.weight[0]
-    assert np.max(np.abs(off)) < 3e-3
-    assert np.sqrt(np.mean(off**2)) < 2e-4
+    share = curved_edge_spread(rim_coordinates(bands, factor), np.array([[np.log(sigma), 0.0, 0.0]])).coverage[0]
+    error = (share - blurred(ellipse, bands.pixels[0], sigma)) * bands.weight[0]
+    assert np.max(np.abs(error)) < 3e-3
+    assert np.sqrt(np.mean(error**2)) < 2e-4
 
 
 @pytest.mark.parametrize(("semi_major", "semi_minor"), [(60.0, 3.2), (130.0, 4.5), (130.0, 11.5)])
 def test_the_derivatives_at_tips_are_those_of_the_share(semi_major, semi_minor):
     bands, factor, _ = around(semi_major, semi_minor)
     blur, tip = np.array([[np.log(0.8), 0.0, 0.0]]), 1.0 - 2.0 / semi_major
-    at = places(bands, factor)
-    share, near = curved(at, blur), np.abs(at.plane[0][0]) > tip
+    at = rim_coordinates(bands, factor)
+    spread, near = curved_edge_spread(at, blur), np.abs(at.plane[0][0]) > tip
     step = 1e-5
     assert np.count_nonzero(near) > 20
     for i in range(8):
         changed = step * (np.arange(8) == i)[None]
         high, low = (
-            curved(places(bands, grown(factor, side * changed[:, :5])), blur + side * changed[:, 5:]).share[0]
+            curved_edge_spread(
+                rim_coordinates(bands, grown(factor, side * changed[:, :5])), blur + side * changed[:, 5:]
+            ).coverage[0]
             for side in (1.0, -1.0)
         )
-        slopes = share.by_parameters[0, i]
-        off = np.abs((high - low) / (2.0 * step) - slopes)[near]
-        assert np.max(off) < 0.02 * np.max(np.abs(slopes))
+        slopes = spread.derivatives[0, i]
+        error = np.abs((high - low) / (2.0 * step) - slopes)[near]
+        assert np.max(error) < 0.02 * np.max(np.abs(slopes))
 
 
 @pytest.mark.parametrize(("semi_major", "tilt_deg"), [(60.0, 86.0), (130.0, 87.5), (130.0, 88.0)])

@@ -1,1 +1,1 @@
-"""Rims so thin that the blur runs their two sides together."""
+"""Rims so thin that the blur joins their two sides."""

@@ -1,4 +1,9 @@
-"""Which stretches of a thin rim nothing covers: the residuals of a fit, stretch by stretch on either side of it."""
+"""The segments of a thin rim that nothing covers, from the residuals of its fit.
+
+The rim is divided along the major axis, on either side of it. With e the rms residual (levels) of a segment and e0 a
+low quantile over all segments, a segment is covered if e > max(2.5 e0, 0.015 peak level), with the numbers of
+`ThinOptions`.
+"""
 
 from __future__ import annotations
 
@@ -6,83 +11,83 @@ from dataclasses import replace
 
 import numpy as np
 
+from circlepose._numerics import ROUNDING_VARIANCE
 from circlepose._typing import BoolArray, FloatArray, IntArray
-from circlepose.photometry.thin.model import MARGIN_PX, QUANTIZATION, Problem, State, evaluate
-
-_ALONG = 24
-STRETCHES = 2 * _ALONG
-_CLEAN_SHARE = 0.2
-"""Share of the stretches that are taken to be clean."""
-_COVERED = 2.5
-_TOUCHED = 1.6
-_COVERED_SHARE = 0.015
-"""A stretch is covered when its residual is so many times the typical one, and such a share of the peak; touched by
-what covers another when it is the second number of times as large."""
-_LEAST_KEPT = 0.35
-_CONCENTRATIONS = 4
+from circlepose.photometry.segments import mean_squares, segment_sums
+from circlepose.photometry.thin.model import Problem, State, evaluate
+from circlepose.photometry.thin.options import ThinOptions
 
 
-def with_points(points: FloatArray, theta: FloatArray) -> BoolArray:
-    """Tell which stretches have points, or lie between two that have."""
-    has = np.bincount(stretches_of(points, theta), minlength=STRETCHES).reshape(2, _ALONG) > 0
+def segments_of(points: FloatArray, theta: FloatArray, options: ThinOptions) -> IntArray:
+    """Return the segment (n,) of each point (n, 2): its index along the major axis, on either side of it."""
+    along_count = options.segments_per_side
+    cos, sin = np.cos(theta[4]), np.sin(theta[4])
+    offset = points - theta[:2]
+    along, across = offset @ np.array([cos, sin]), offset @ np.array([-sin, cos])
+    share = (along / (theta[2] + options.margin_px) + 1.0) / 2.0
+    return np.clip((share * along_count).astype(np.int64), 0, along_count - 1) + along_count * (across > 0.0)
+
+
+def segments_with_points(points: FloatArray, theta: FloatArray, options: ThinOptions) -> BoolArray:
+    """Return (s,) which segments have points, or lie between two that have."""
+    sides = (2, options.segments_per_side)
+    segment = segments_of(points, theta, options)
+    has = segment_sums(np.ones(len(segment)), segment, sides) > 0
     padded = np.pad(has, ((0, 0), (1, 1)))
     return np.asarray((has | (padded[:, :-2] & padded[:, 2:])).ravel())
 
 
-def agreeing(problem: Problem, theta: FloatArray) -> BoolArray:
-    """Tell which stretches agree on levels with the better half of them (concentration steps)."""
-    stretch_of = stretches_of(problem.points, theta)
-    kept = np.ones(STRETCHES, dtype=np.bool_)
-    for _ in range(_CONCENTRATIONS):
-        state = evaluate(theta, replace(problem, chosen=kept[stretch_of]))
-        rms = rms_of_stretches(state, problem, stretch_of)
-        kept = rms <= np.median(rms)
-    return uncovered(state, problem, stretch_of)
+def consensus_segments(problem: Problem, theta: FloatArray) -> BoolArray:
+    """Return (s,) which segments agree on levels with the better half of them.
 
-
-def stretches_of(points: FloatArray, theta: FloatArray) -> IntArray:
-    """Return the stretch along the major axis, of either side, that each point (n, 2) belongs to."""
-    cos, sin = np.cos(theta[4]), np.sin(theta[4])
-    offset = points - theta[:2]
-    along, across = offset @ np.array([cos, sin]), offset @ np.array([-sin, cos])
-    share = (along / (theta[2] + MARGIN_PX) + 1.0) / 2.0
-    return np.clip((share * _ALONG).astype(np.int64), 0, _ALONG - 1) + _ALONG * (across > 0.0)
-
-
-def rms_of_stretches(state: State, problem: Problem, stretch_of: IntArray) -> FloatArray:
-    """Return the rms residual (s,) of each stretch."""
-    weight = np.maximum(np.bincount(stretch_of, problem.fade**2, STRETCHES), 1.0)
-    return np.sqrt(np.bincount(stretch_of, state.misfit**2, STRETCHES) / weight)
-
-
-def uncovered(state: State, problem: Problem, stretch_of: IntArray, *, closely: bool = False) -> BoolArray:
-    """Tell which stretches have residuals like the best of them: something covers the rest, or touches them.
-
-    With `closely`, for a fit that nothing pulls at any more, those that the edge of it touches are told too. The
-    best are kept in any case, as a fit that is still off has residuals everywhere.
+    Source: concentration steps of least trimmed squares, Rousseeuw & Van Driessen (2006).
     """
-    rms = rms_of_stretches(state, problem, stretch_of)
-    limit = covered_from(state, problem, stretch_of)
-    bad = np.pad((rms > limit).reshape(2, _ALONG), ((0, 0), (1, 1)))
-    # What covers a stretch reaches a little into its neighbours.
-    clean = ~(bad[:, 1:-1] | bad[:, :-2] | bad[:, 2:]).ravel()
-    if closely and not clean.all():
-        clean &= rms <= _TOUCHED * np.quantile(rms, _CLEAN_SHARE)
-    return clean if clean.mean() >= _LEAST_KEPT else rms <= np.quantile(rms, _LEAST_KEPT)
+    segment = segments_of(problem.points, theta, problem.options)
+    kept = np.ones(2 * problem.options.segments_per_side, dtype=np.bool_)
+    for _ in range(problem.options.concentrations):
+        state = evaluate(theta, replace(problem, chosen=kept[segment]))
+        rms = segment_rms(state, problem, segment)
+        kept = rms <= np.median(rms)
+    return uncovered_segments(state, problem, segment)
 
 
-def covered_from(state: State, problem: Problem, stretch_of: IntArray) -> float:
-    """Return the rms residual from which a stretch is covered."""
-    typical = float(np.quantile(rms_of_stretches(state, problem, stretch_of), _CLEAN_SHARE))
-    return max(_COVERED * typical, _COVERED_SHARE * abs(state.contrast) * state.highest_share)
+def segment_rms(state: State, problem: Problem, segment: IntArray) -> FloatArray:
+    """Return the rms residual (s,) of each segment, levels."""
+    shape = (2 * problem.options.segments_per_side,)
+    return np.sqrt(mean_squares(state.misfit**2, problem.fade**2, segment, shape)[0])
+
+
+def uncovered_segments(state: State, problem: Problem, segment: IntArray, *, strict: bool = False) -> BoolArray:
+    """Return (s,) which segments have residuals like the best ones; the rest is covered or touched by something.
+
+    With `strict`, for a fit without covered segments, also the segments that are touched are left out. The best
+    segments are always kept, because a fit that has not converged has residuals everywhere.
+    """
+    options = problem.options
+    rms = segment_rms(state, problem, segment)
+    limit = covered_rms(state, problem, segment)
+    covered = np.pad((rms > limit).reshape(2, options.segments_per_side), ((0, 0), (1, 1)))
+    # What covers a segment extends a little into its neighbors.
+    clean = ~(covered[:, 1:-1] | covered[:, :-2] | covered[:, 2:]).ravel()
+    if strict and not clean.all():
+        clean &= rms <= options.touched_ratio * np.quantile(rms, options.clean_share)
+    return clean if clean.mean() >= options.least_kept else rms <= np.quantile(rms, options.least_kept)
+
+
+def covered_rms(state: State, problem: Problem, segment: IntArray) -> float:
+    """Return the rms residual (levels) above which a segment is covered."""
+    options = problem.options
+    typical = float(np.quantile(segment_rms(state, problem, segment), options.clean_share))
+    peak_levels = options.covered_share * abs(state.contrast) * state.highest_coverage
+    return max(options.covered_ratio * typical, peak_levels)
 
 
 def structure(state: State, problem: Problem, kept: BoolArray) -> float:
-    """Return the rms residual over that which neighbouring pixels do not share: 1 where noise is all that is left."""
-    chosen = problem.fade * kept[stretches_of(problem.points, state.theta)]
-    # Pixels stand in rows; of the same row are those that follow with the next x.
+    """Return the rms residual over that of its differences between neighboring pixels: 1 for independent noise."""
+    chosen = problem.fade * kept[segments_of(problem.points, state.theta, problem.options)]
+    # Pixels are in row order; two of the same row follow each other with x increased by 1.
     same_row = np.all(np.diff(problem.points, axis=0) == [1.0, 0.0], axis=1)
     weight = same_row * np.minimum(chosen[1:], chosen[:-1]) ** 2
     plain = state.misfit / np.maximum(problem.fade, 1e-9)
-    unshared = float(np.sum(weight * np.diff(plain) ** 2)) / 2.0 / max(float(np.sum(weight)), 1e-9)
-    return state.rms / float(np.sqrt(max(unshared, QUANTIZATION)))
+    independent = float(np.sum(weight * np.diff(plain) ** 2)) / 2.0 / max(float(np.sum(weight)), 1e-9)
+    return state.rms / float(np.sqrt(max(independent, ROUNDING_VARIANCE)))
