@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from circlepose.io.target_file import read_target as read_target
     from circlepose.measurement.user_contour import estimate_from_contour as estimate_from_contour
     from circlepose.measurement.user_ellipse import estimate_from_ellipse as estimate_from_ellipse
+    from circlepose.pipeline import EstimateOptions as EstimateOptions
     from circlepose.pipeline import estimate as estimate
     from circlepose.results import Candidate as Candidate
     from circlepose.results import CircleResult as CircleResult
@@ -64,6 +65,7 @@ _HOME = {
     "CovarianceTerms": "results",
     "DirectionHint": "targets.hints",
     "Ellipse": "geometry.ellipse",
+    "EstimateOptions": "pipeline",
     "Explanation": "diagnostics.explain",
     "Flag": "results",
     "ImageError": "errors",

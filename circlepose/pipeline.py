@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from circlepose import _arguments
 from circlepose._typing import Image
@@ -13,17 +13,19 @@ from circlepose.camera.plausibility import misfit
 from circlepose.detection import EXTRACTIONS
 from circlepose.detection.axis_intervals import axis_intervals
 from circlepose.detection.contour import Contour, Rejection
+from circlepose.disambiguation.options import DisambiguationOptions
 from circlepose.disambiguation.settle import settled_by_hints
 from circlepose.imaging.float_levels import without_gaps
 from circlepose.imaging.gray import to_grey
 from circlepose.measurement.intensity_fit import LevelFit, LevelFits, fit_levels
-from circlepose.measurement.options import DEFAULT, MeasurementOptions
+from circlepose.measurement.options import MeasurementOptions
 from circlepose.measurement.poses import results_of_rims
 from circlepose.measurement.rim import Rim
 from circlepose.measurement.selection import measure_lone_circles, measure_rings
 from circlepose.results import CircleResult, Failure, Flag, ImageResult, Status
 from circlepose.rings.guided_search import with_hidden_rims
 from circlepose.rings.matching import match_rings
+from circlepose.rings.options import RingOptions
 from circlepose.rings.results import find_ring_targets
 from circlepose.solvers import METHODS, methods_for
 from circlepose.targets.target import AxisIntervals, Target
@@ -32,9 +34,12 @@ from circlepose.uncertainty.systematic import with_all_terms
 
 @dataclass(frozen=True, slots=True)
 class EstimateOptions:
-    """The tunable numbers of each stage."""
+    """The tunable numbers of each stage: `options=` of `estimate`. The defaults suit all but odd images."""
 
-    measurement: MeasurementOptions = DEFAULT
+    measurement: MeasurementOptions = field(default_factory=MeasurementOptions)
+    """in it also those of the detection and of the fits to gray levels"""
+    rings: RingOptions = field(default_factory=RingOptions)
+    disambiguation: DisambiguationOptions = field(default_factory=DisambiguationOptions)
 
 
 ESTIMATE_OPTIONS = EstimateOptions()
@@ -170,7 +175,7 @@ def estimate_with_trace(
         return ImageResult(name, unfit.status, unfit.reason, image_size=size), Trace(camera, levels)
     if camera.image_size not in (None, size):
         camera = camera.scaled_to(size)
-    intervals = axis_intervals(target, camera, size)
+    intervals = axis_intervals(target, camera, size, options.measurement.detection)
     numbers = options.measurement
     incomplete = ""
     if target.kind == "circle":
@@ -190,17 +195,17 @@ def estimate_with_trace(
         circles = results_of_rims(
             after.rims, camera, methods, target.radii_mm[0], range(len(starts)), "disc", options=numbers
         )
-        circles = settled_by_hints(circles, target)
+        circles = settled_by_hints(circles, target, options=options.disambiguation)
     else:
         # The polarity of a ring target is that of its largest circle.
         measured = measure_rings(gray, camera, intervals, extraction=extraction, refine=refine, options=numbers)
-        matched = match_rings(measured.rims, camera, target)
+        matched = match_rings(measured.rims, camera, target, options=options.rings)
         starts = measured.rims
         if refine:
-            matched = with_hidden_rims(gray, camera, matched, target)
+            matched = with_hidden_rims(gray, camera, matched, target, options=options.rings)
             starts = tuple(each.rim for each in matched.rims)
         after = _fitted(levels, camera, starts, refine=refine, keep_fits=keep_fits, options=numbers)
-        found = find_ring_targets(after.rims, matched, camera, target, methods, placed=refine)
+        found = find_ring_targets(after.rims, matched, camera, target, methods, placed=refine, options=options.rings)
         circles, incomplete = list(found.circles), found.incomplete
         rejected = measured.rejected + found.rejected
     circles = with_all_terms(circles, camera, target)

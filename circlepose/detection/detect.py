@@ -28,7 +28,6 @@ from circlepose.geometry.ellipse import Ellipse, rim_distance
 from circlepose.imaging.gray import eight_bit, has_low_range
 from circlepose.imaging.pyramid import pyramid
 from circlepose.imaging.subpixel_edges import RimEdges, edges_along
-from circlepose.photometry.options import DEFAULT as PHOTOMETRY
 from circlepose.photometry.thin.fit import are_thin
 from circlepose.targets import Polarity
 from circlepose.targets.target import AxisIntervals
@@ -83,7 +82,7 @@ def find_contours(
     """
     levels = grey if grey.dtype == np.uint8 and not has_low_range(grey) else grey.astype(np.float32)
     range_ = float(np.ptp(levels[::8]))
-    slivers_wanted = intervals.minor_px is not None and intervals.minor_px[0] < 2.0 * PHOTOMETRY.thin.thin_px
+    slivers_wanted = intervals.minor_px is not None and intervals.minor_px[0] < 2.0 * options.photometry.thin.thin_px
     has_length = intervals.major_px is not None
     rejected: Counter[Rejection] = Counter()
     found: Candidates | None = None
@@ -109,7 +108,7 @@ def find_contours(
         )
         rough = hypotheses.ellipse
         if has_length:
-            are_lines = are_thin(rough)
+            are_lines = are_thin(rough, options=options.photometry)
             if level < options.line_levels:
                 thin.append(rough[are_lines])
             rough = rough[~are_lines]
@@ -167,7 +166,9 @@ def _lines(
             images[level], 2.0**level, intervals, known, extraction, lines=True, options=options
         ).ellipse
         thin.append(
-            rough[rough.semi_minor < np.minimum(PHOTOMETRY.thin.thin_px, options.line_ratio * rough.semi_major)]
+            rough[
+                rough.semi_minor < np.minimum(options.photometry.thin.thin_px, options.line_ratio * rough.semi_major)
+            ]
         )
     return thin
 

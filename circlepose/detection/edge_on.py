@@ -55,7 +55,7 @@ def _sliver(
     if contour is not None and intervals.major_px is not None:
         return contour
     if contour is not None:
-        own = fit_thin_ellipse(levels, contour.ellipse, seen=contour.points)
+        own = fit_thin_ellipse(levels, contour.ellipse, seen=contour.points, options=options.photometry)
         return contour if own is not None and _tapers(own, options) else Rejection.NOT_ELLIPTICAL
     fitted = _fit_whole(levels, rough, intervals, options)
     if intervals.major_px is None and isinstance(fitted, ThinEllipse) and not _tapers(fitted, options):
@@ -115,7 +115,7 @@ def _fit_whole(
             intervals.major_px[0] / options.length_slack <= longest <= intervals.major_px[1] * options.length_slack
         ):
             return Rejection.MAJOR_AXIS
-        fitted = fit_thin_ellipse(levels, line, grow=True)
+        fitted = fit_thin_ellipse(levels, line, grow=True, options=options.photometry)
         if fitted is None:
             return Rejection.NOT_ELLIPTICAL
         start = fitted.ellipse

@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from circlepose.detection.edges.options import EdgeOptions
+from circlepose.photometry.options import PhotometryOptions
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,6 +20,8 @@ class DetectionOptions:
 
     edges: EdgeOptions = field(default_factory=EdgeOptions)
     """those of edge chains and arcs"""
+    photometry: PhotometryOptions = field(default_factory=PhotometryOptions)
+    """those of the fits to gray levels, here of slivers"""
 
     # Sizes that follow from a depth range.
     smallest_major_px: float = 5.0

@@ -124,7 +124,7 @@ class Candidates:
         # Where slivers are sought, `edge_on` finds them.
         wanted = intervals.major_px is not None
         is_clean = (self.share >= options.clean_thin_rim) & (self.ragged <= options.half_ragged)
-        return are_thin(self.ellipse) & (wanted | ~is_clean)
+        return are_thin(self.ellipse, options=options.photometry) & (wanted | ~is_clean)
 
     def contour(self, i: int) -> Contour:
         """Return candidate i as a contour."""

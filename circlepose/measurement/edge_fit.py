@@ -76,7 +76,7 @@ def fit_rims(
         may = [
             i
             for i, each in enumerate(contours)
-            if each.rim_used > options.whole_rim_share and not are_thin(each.ellipse)
+            if each.rim_used > options.whole_rim_share and not are_thin(each.ellipse, options=options.photometry)
         ]
         starts = dict(zip(may, _rims_of_contours(camera, [contours[i] for i in may], options), strict=True))
     for i, contour in enumerate(contours):
@@ -93,7 +93,7 @@ def _fit_rim(
     options: MeasurementOptions,
 ) -> Rim | Failure:
     """Fit the viewing cone of one contour; `start` is the rim of its own ellipse, where that may suffice."""
-    is_thin = bool(are_thin(contour.ellipse))
+    is_thin = bool(are_thin(contour.ellipse, options=options.photometry))
     is_sharp = contour.rim_used < options.whole_rim_share and has_sharp_tips(contour.ellipse, options)
     if is_thin or is_sharp:
         thin = fit_thin_rim(levels, camera, contour, options)

@@ -25,7 +25,6 @@ from circlepose.photometry.initialization import (
 )
 from circlepose.photometry.levels_fit import BlurPrior, LevelsFit
 from circlepose.photometry.neighbors import bands_that_meet, neighbor_intensity
-from circlepose.photometry.options import DEFAULT as PHOTOMETRY
 from circlepose.photometry.pixel_band import Bands, bands_around, outer_samples
 from circlepose.results import Failure
 
@@ -90,40 +89,43 @@ def fit_levels(
     -------
     The rims in the same order. A rim whose fit is rejected is that of its edges, with the reason.
     """
+    photometry = options.photometry
     whole = without_gaps(gray)
-    gray = with_mask_scaled(gray, [rim.ellipse for rim in rims])
-    limits = level_limits(gray)
+    gray = with_mask_scaled(gray, [rim.ellipse for rim in rims], options=photometry)
+    limits = level_limits(gray, options=photometry)
     done: list[FittedRim | Failure | None] = [None] * len(rims)
     kept: list[LevelFit | None] = [None] * len(rims)
     chosen = [i for i, rim in enumerate(rims) if isinstance(rim, EdgeRim) or _has_two_sides(rim, options)]
     are_many = len(chosen) >= options.least_rims_for_blur
-    half_width = np.full(len(rims), PHOTOMETRY.band_half_width_px)
-    blur = start_blur(len(rims))
+    half_width = np.full(len(rims), photometry.band_half_width_px)
+    blur = start_blur(len(rims), options=photometry)
     variance = np.full((len(rims), 3), np.inf)
     contrast = np.zeros(len(rims))
     is_small = np.array([float(rim.ellipse.semi_minor) < options.small_px for rim in rims])
     ellipses = [rim.ellipse for rim in rims]
     for again in (False, True):
         sigma = np.exp(blur[:, 0])
-        is_blurred = PHOTOMETRY.band_half_width_sigmas * sigma > 1.1 * half_width
-        is_crowded = bands_that_meet(ellipses, half_width + PHOTOMETRY.band_half_width_sigmas * sigma, contrast)
-        prior = BlurPrior(blur * [1.0, 0.0, 0.0], first_information(len(rims)))
+        is_blurred = photometry.band_half_width_sigmas * sigma > 1.1 * half_width
+        is_crowded = bands_that_meet(
+            ellipses, half_width + photometry.band_half_width_sigmas * sigma, contrast, options=photometry
+        )
+        prior = BlurPrior(blur * [1.0, 0.0, 0.0], first_information(len(rims), options=photometry))
         if again and are_many:
             prior = _shared_blur(blur, variance, options)
         is_unequal = are_many and prior.mean[:, 1:].any()
         order = [i for i in chosen if not again or is_blurred[i] or is_crowded[i] or (is_small[i] and is_unequal)]
         if not order:
             break
-        order.sort(key=lambda i: (is_curved(rims[i].ellipse), _perimeter(rims[i])))
+        order.sort(key=lambda i: (is_curved(rims[i].ellipse, options=photometry), _perimeter(rims[i])))
         if again:
-            half_width = np.where(is_blurred, PHOTOMETRY.band_half_width_sigmas * sigma, half_width)
+            half_width = np.where(is_blurred, photometry.band_half_width_sigmas * sigma, half_width)
         neighbors = (ellipses, sigma, contrast.copy())
         latest = _current(rims, done)
         for chunk in _chunks(order, rims, half_width, options):
             which = np.array(chunk)
             around = [latest[i].ellipse for i in chunk]
             bands = bands_around(gray, camera, around, half_width[which])
-            beside = neighbor_intensity(bands.pixels, which, *neighbors, half_width)
+            beside = neighbor_intensity(bands.pixels, which, *neighbors, half_width, options=photometry)
             fit = fit_to_levels(
                 bands,
                 np.stack([latest[i].cone.factor for i in chunk]),
@@ -132,15 +134,16 @@ def fit_levels(
                 np.array([_perimeter(rims[i]) for i in chunk]),
                 limits,
                 neighbors=beside,
-                outer=outer_samples(gray, camera, around, half_width[which], limits),
-                is_curved=is_curved(rims[chunk[0]].ellipse),
+                outer=outer_samples(gray, camera, around, half_width[which], limits, options=photometry),
+                is_curved=is_curved(rims[chunk[0]].ellipse, options=photometry),
+                options=photometry,
             )
             found = accepted(gray, camera, [rims[i] for i in chunk], fit, ~is_crowded[which], options)
             for k, i in enumerate(chunk):
                 done[i] = found[k]
                 if keep_fits:
                     kept[i] = LevelFit(
-                        is_curved(rims[i].ellipse),
+                        is_curved(rims[i].ellipse, options=photometry),
                         float(half_width[i]),
                         *_without_padding(k, bands, fit, beside),
                         limits,
@@ -200,7 +203,8 @@ def _chunks(
         longest = 2.2 * half_width[i] * _perimeter(rims[i])
         if chunk and (
             (len(chunk) + 1) * longest > options.most_pixels
-            or is_curved(rims[i].ellipse) != is_curved(rims[chunk[0]].ellipse)
+            or is_curved(rims[i].ellipse, options=options.photometry)
+            != is_curved(rims[chunk[0]].ellipse, options=options.photometry)
         ):
             yield chunk
             chunk = []
@@ -212,8 +216,8 @@ def _chunks(
 def _shared_blur(blur: FloatArray, variance: FloatArray, options: MeasurementOptions) -> BlurPrior:
     """Return a prior for each blur from all of them: unequal blur is the camera's, and much the same for all."""
     posterior = 1.0 / variance[:, 1:]
-    information = np.where(posterior > 0.0, posterior - PHOTOMETRY.anisotropy_sigma**-2, 0.0).sum(axis=0)
-    mean = (posterior * blur[:, 1:]).sum(axis=0) / np.maximum(information, PHOTOMETRY.anisotropy_sigma**-2)
+    information = np.where(posterior > 0.0, posterior - options.photometry.anisotropy_sigma**-2, 0.0).sum(axis=0)
+    mean = (posterior * blur[:, 1:]).sum(axis=0) / np.maximum(information, options.photometry.anisotropy_sigma**-2)
     if np.hypot(*mean) < options.least_blur_inequality:
         mean = np.zeros(2)
     count = len(blur)

@@ -7,12 +7,18 @@ derivation is recorded.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+from circlepose.detection.options import DetectionOptions
+from circlepose.photometry.options import PhotometryOptions
 
 
 @dataclass(frozen=True, slots=True)
 class MeasurementOptions:
     """Numbers of the measurement. Lengths are px of the raw image; a share is from 0 to 1."""
+
+    detection: DetectionOptions = field(default_factory=DetectionOptions)
+    """those of the detection, and in `detection.photometry` of the fits to gray levels"""
 
     # Edges along a predicted rim.
     edge_half_width_px: float = 2.5
@@ -75,9 +81,9 @@ class MeasurementOptions:
     """standard deviation of the inequality of a shared blur; empirical"""
     least_blur_inequality: float = 0.1
     """inequality of the blur by direction, below which it cannot be distinguished from texture; empirical"""
-    least_refit_px: float = 4.0
-    """px; semi-minor axis from which a thin rim is fitted again with levels on both sides; rendered slivers: from
-    3 px on, lengths are often off by more than three sigmas"""
+    least_refit_px: float = 5.0
+    """px; semi-minor axis from which a thin rim is fitted again with levels on both sides; empirical: on narrower
+    rendered slivers lengths are off by more than three sigmas too often, from 3 px at 1.5 levels of noise, 4 at 8"""
     small_px: float = 20.0
     """px; semi-minor axis below which unequal blur looks like a tilt; empirical"""
 
@@ -124,6 +130,11 @@ class MeasurementOptions:
     """share of a contour that may lie on the border; empirical"""
     least_start_px: float = 0.5
     """px; semi-minor axis, at least, from which a fit to the gray levels along a contour starts; empirical"""
+
+    @property
+    def photometry(self) -> PhotometryOptions:
+        """Those of the fits to gray levels, which the detection of slivers shares."""
+        return self.detection.photometry
 
 
 DEFAULT = MeasurementOptions()

@@ -67,7 +67,9 @@ def measure_lone_circles(
     """
 
     def measured(enough: int | None) -> tuple[MeasuredContours, bool]:
-        found = find_contours(levels, intervals, target.polarity, enough=enough, extraction=extraction)
+        found = find_contours(
+            levels, intervals, target.polarity, enough=enough, extraction=extraction, options=options.detection
+        )
         fits = fit_rims(levels, camera, found.contours, refine=refine, are_starts=are_starts, options=options)
         rims, unused = _selected(fits, camera, target)
         beyond_count = len(found.contours) - len(rims) - unused.total()
@@ -90,7 +92,9 @@ def measure_rings(
     options: MeasurementOptions = DEFAULT,
 ) -> MeasuredContours:
     """Measure all rims of an image, of either polarity, those inside others of the same center too."""
-    found = find_contours(levels, intervals, "any", keep_concentric=True, extraction=extraction)
+    found = find_contours(
+        levels, intervals, "any", keep_concentric=True, extraction=extraction, options=options.detection
+    )
     fits = list(fit_rims(levels, camera, found.contours, refine=refine, options=options))
     rims = tuple(fit for fit in fits if not isinstance(fit, Failure))
     rejected = found.rejected + Counter({Rejection.NO_POSE: len(fits) - len(rims)})

@@ -26,7 +26,7 @@ _STEP_PX = 1e-4
 
 def fit_thin_rim(levels: Image, camera: Camera, contour: Contour, options: MeasurementOptions) -> FittedRim | Failure:
     """Fit a blurred ellipse to the gray image `levels` (h, w) around a contour."""
-    fitted = fit_thin_ellipse(levels, contour.ellipse, seen=contour.points)
+    fitted = fit_thin_ellipse(levels, contour.ellipse, seen=contour.points, options=options.photometry)
     if fitted is None:
         return _failure("no blurred ellipse fits the gray levels around it")
     if fitted.rms_levels > options.worst_thin_rms_share * fitted.peak_levels:
