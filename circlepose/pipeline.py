@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from circlepose import _arguments
 from circlepose._typing import Image
@@ -177,6 +177,7 @@ def estimate_with_trace(
         camera = camera.scaled_to(size)
     intervals = axis_intervals(target, camera, size, options.measurement.detection)
     numbers = options.measurement
+    of_rings = replace(options.rings, measurement=numbers)
     incomplete = ""
     if target.kind == "circle":
         measured = measure_lone_circles(
@@ -199,13 +200,13 @@ def estimate_with_trace(
     else:
         # The polarity of a ring target is that of its largest circle.
         measured = measure_rings(gray, camera, intervals, extraction=extraction, refine=refine, options=numbers)
-        matched = match_rings(measured.rims, camera, target, options=options.rings)
+        matched = match_rings(measured.rims, camera, target, options=of_rings)
         starts = measured.rims
         if refine:
-            matched = with_hidden_rims(gray, camera, matched, target, options=options.rings)
+            matched = with_hidden_rims(gray, camera, matched, target, options=of_rings)
             starts = tuple(each.rim for each in matched.rims)
         after = _fitted(levels, camera, starts, refine=refine, keep_fits=keep_fits, options=numbers)
-        found = find_ring_targets(after.rims, matched, camera, target, methods, placed=refine, options=options.rings)
+        found = find_ring_targets(after.rims, matched, camera, target, methods, placed=refine, options=of_rings)
         circles, incomplete = list(found.circles), found.incomplete
         rejected = measured.rejected + found.rejected
     circles = with_all_terms(circles, camera, target)

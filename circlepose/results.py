@@ -78,8 +78,8 @@ class Flag(StrEnum):
     NEAR_RIGHT = "near_right"
     NEAR_DEGENERATE = "near_degenerate"
     POOR_FIT = "poor_fit"
-    PARTIAL_RIM = "partial_rim"
     CHORD_MENDED = "chord_mended"
+    PARTIAL_RIM = "partial_rim"
     EDGES_ONLY = "edges_only"
 
 
@@ -92,9 +92,9 @@ FLAG_MEANING: Mapping[Flag, str] = {
     Flag.NEAR_RIGHT: "seen almost along its axis; the tilt is ill-determined, the two candidates nearly agree",
     Flag.NEAR_DEGENERATE: "seen almost edge-on; the image is a sliver",
     Flag.POOR_FIT: "the contour departs from the fitted ellipse by more than edge noise explains",
-    Flag.PARTIAL_RIM: "a tenth of the rim or more is hidden, cut off or without contrast; see rim_used",
     Flag.CHORD_MENDED: "contour route: one of its four points lay on an outlier, which was left out",
-    Flag.EDGES_ONLY: "measured from edges alone: the grey levels along the rim could not be fitted; no covariance",
+    Flag.PARTIAL_RIM: "a tenth of the rim or more is hidden, cut off or without contrast; see rim_used",
+    Flag.EDGES_ONLY: "measured from edges alone: the gray levels along the rim could not be fitted; no covariance",
 }
 
 

@@ -63,8 +63,9 @@ def test_rings(project_root):
     folder = project_root / "sample_images" / "coplanar"
     image = circlepose.read_image(folder / "a.png")
     camera, target = circlepose.read_camera(folder / "camera.yml"), circlepose.read_target(folder / "target.yaml")
-    options = EstimateOptions(rings=RingOptions(undecided=0.0))
-    assert all(Flag.AMBIGUOUS in c.flags for c in circlepose.estimate(image, camera, target, options=options).circles)
+    options = EstimateOptions(MeasurementOptions(poor_fit_px=0.0), rings=RingOptions(undecided=0.0))
+    for circle in circlepose.estimate(image, camera, target, options=options).circles:
+        assert {Flag.AMBIGUOUS, Flag.POOR_FIT} <= set(circle.flags)
 
 
 def test_other_options_are_refused():

@@ -24,7 +24,7 @@ MOST_FULL_CAPTIONS = 4
 MOST_CAPTIONS = 12
 """with more circles a caption is only the number of the target"""
 LEGEND = (
-    "bold arrow: chosen normal, a radius long   thin arrow: other candidate   cross: imaged centre   pink: contour"
+    "bold arrow: chosen normal, a radius long   thin arrow: other candidate   cross: imaged center   pink: contour"
 )
 
 _CONTOUR: Color = (255, 80, 255)
@@ -92,7 +92,7 @@ class _Pen:
 def draw_overlay(image: Image, result: ImageResult, camera: Camera) -> Image:
     """Draw `result` over `image`.
 
-    Drawn for each circle are the contour in use, the fitted rim with its axes, the imaged centre, both
+    Drawn for each circle are the contour in use, the fitted rim with its axes, the imaged center, both
     candidates' normals (one radius long; the chosen one bold) and a caption of the numbers; above the image its
     name and status. Small images are enlarged. Of several methods the first is drawn.
 

@@ -19,16 +19,6 @@ from circlepose.results import Candidate, CircleResult, Failure, Flag
 from circlepose.solvers.registry import Solutions, solve, solve_chen_huang
 from circlepose.uncertainty.pose_covariance import pose_covariances, segment_covariance
 
-_ORDER = (
-    Flag.AMBIGUOUS,
-    Flag.NEAR_RIGHT,
-    Flag.NEAR_DEGENERATE,
-    Flag.POOR_FIT,
-    Flag.CHORD_MENDED,
-    Flag.PARTIAL_RIM,
-    Flag.EDGES_ONLY,
-)
-
 
 def circle_results(
     rim: Rim,
@@ -123,7 +113,7 @@ def results_of_rims(
                     candidates=candidates,
                     ambiguity=0.0 if one else 0.5,
                     cone=measured_cone(rim, ConeKind(solutions.cone)),
-                    flags=tuple(flag for flag in _ORDER if is_set[flag]),
+                    flags=tuple(flag for flag in Flag if is_set.get(flag, False)),
                 )
             )
     return results
@@ -153,7 +143,7 @@ def measured_cone(rim: Rim, kind: ConeKind) -> Cone:
 def rim_flags(rim: Rim, frame: PrincipalFrame, options: MeasurementOptions = DEFAULT) -> tuple[Flag, ...]:
     """Return the flags of a rim by itself, whatever the method; `frame` is that of its cone."""
     is_set = _flags(rim, float(frame.tan_half_minor / frame.tan_half_major), options)
-    return tuple(flag for flag in _ORDER if is_set.get(flag, False))
+    return tuple(flag for flag in Flag if is_set.get(flag, False))
 
 
 def settled_frames(

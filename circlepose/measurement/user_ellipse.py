@@ -12,6 +12,7 @@ from circlepose.errors import ArgumentError
 from circlepose.fitting.cone_fit import ConeFit, fit_cone
 from circlepose.fitting.cone_projection import factor_from_ellipse
 from circlepose.geometry.ellipse import Ellipse
+from circlepose.measurement.options import DEFAULT, MeasurementOptions
 from circlepose.measurement.poses import circle_results
 from circlepose.measurement.rim import EdgeRim, rim_from_fit
 from circlepose.results import CircleResult, Failure, Status
@@ -23,7 +24,12 @@ _HOW = "such as Ellipse.from_axes(center, semi_axes, angle)"
 
 
 def estimate_from_ellipse(
-    ellipse: Ellipse, camera: Camera, radius_mm: float, *, method: str = "chen-huang"
+    ellipse: Ellipse,
+    camera: Camera,
+    radius_mm: float,
+    *,
+    method: str = "chen-huang",
+    options: MeasurementOptions = DEFAULT,
 ) -> CircleResult:
     """Estimate the pose of a circle of `radius_mm` from the ellipse that is its image.
 
@@ -39,6 +45,8 @@ def estimate_from_ellipse(
         Of the circle.
     method
         A name of `circlepose.solvers.CIRCLE_METHODS`.
+    options
+        The numbers of the measurement.
 
     Returns
     -------
@@ -56,10 +64,11 @@ def estimate_from_ellipse(
     _arguments.instance_of(Camera, "camera", camera, _arguments.HOW_CAMERA)
     radius_mm = _arguments.length_mm("radius_mm", radius_mm, "a positive radius in mm (not a diameter)")
     _arguments.one_of(CIRCLE_METHODS, "method", method)
+    _arguments.instance_of(MeasurementOptions, "options", options, "MeasurementOptions(...)")
     rim = _rim(ellipse, camera)
     if isinstance(rim, Failure):
         return CircleResult(0, "disc", method, radius_mm, ellipse=ellipse, status=rim.status, reason=rim.reason)
-    (result,) = circle_results(rim, camera, (method,), radius_mm, 0, "disc")
+    (result,) = circle_results(rim, camera, (method,), radius_mm, 0, "disc", options=options)
     # There are no edges that these could be of.
     return replace(result, ellipse=ellipse, residual_px=None, rim_used=None, contour=None)
 

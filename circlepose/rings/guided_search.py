@@ -80,7 +80,7 @@ def with_hidden_rims(
                 added.append(best)
     if not added:
         return matched
-    return match_solved((*matched.rims, *solve_rims(added, camera)), target, options)
+    return match_solved((*matched.rims, *solve_rims(added, camera, options)), target, options)
 
 
 def _are_one(first: Rim, second: Rim, options: RingOptions) -> bool:
@@ -140,7 +140,7 @@ def _found(
     share = float(agreeing.mean())
     if fit.rms_px > options.smooth_px and share < options.rough_share:
         return Failure(Status.NO_POSE, "the edges near the predicted rim are those of texture")
-    found = rim_from_fit(camera, fit, used.pixels, share, int(edges.polarity[0]))
+    found = rim_from_fit(camera, fit, used.pixels, share, int(edges.polarity[0]), options=options.measurement)
     if isinstance(found, Failure):
         return found
     # On an arc the errors of the axes grow faster than the number of edges falls.

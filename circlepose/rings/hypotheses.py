@@ -41,7 +41,7 @@ class SolvedRim:
         return replace(self.unit, centers=radius_mm * self.unit.centers)
 
 
-def solve_rims(rims: Sequence[Rim], camera: Camera) -> tuple[SolvedRim, ...]:
+def solve_rims(rims: Sequence[Rim], camera: Camera, options: RingOptions) -> tuple[SolvedRim, ...]:
     """Return each rim with its rays, the principal frame of its cone and its poses, all computed at once.
 
     Parameters
@@ -50,11 +50,13 @@ def solve_rims(rims: Sequence[Rim], camera: Camera) -> tuple[SolvedRim, ...]:
         (m) the measured rims.
     camera
         The calibration for this image size.
+    options
+        The numbers of ring targets.
     """
     if not rims:
         return ()
     frames = principal_frame(np.stack([rim.cone.factor for rim in rims]))
-    settled = settled_frames(rims, frames)
+    settled = settled_frames(rims, frames, options.measurement)
     changed = settled.tan_half_major != frames.tan_half_major
     changed = changed | (settled.tan_half_minor != frames.tan_half_minor)
     return tuple(

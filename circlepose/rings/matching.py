@@ -86,7 +86,7 @@ def match_rings(
     -------
     The rims, solved, and all matches. Source: the target's geometry; see `rings.reprojection`.
     """
-    return match_solved(solve_rims(rims, camera), target, options)
+    return match_solved(solve_rims(rims, camera, options), target, options)
 
 
 def match_solved(rims: tuple[SolvedRim, ...], target: Target, options: RingOptions) -> MatchedRims:
@@ -114,7 +114,7 @@ def matched_again(
     numbers = [number for match in matched.matches for number in match.members]
     if all(rims[number] is matched.rims[number].rim for number in numbers):
         return matched
-    solved = dict(zip(numbers, solve_rims([rims[number] for number in numbers], camera), strict=True))
+    solved = dict(zip(numbers, solve_rims([rims[number] for number in numbers], camera, options), strict=True))
     again = [_measured_again(match, solved, target, options) for match in matched.matches]
     kept = sorted((each for each in again if isinstance(each, RingMatch)), key=lambda match: match.strain)
     return MatchedRims(tuple(solved.get(n, rim) for n, rim in enumerate(matched.rims)), tuple(kept))

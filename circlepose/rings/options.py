@@ -7,12 +7,17 @@ derivation is recorded.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+from circlepose.measurement.options import MeasurementOptions
 
 
 @dataclass(frozen=True, slots=True)
 class RingOptions:
     """Numbers of ring targets. Lengths in px are of the raw image; a share is from 0 to 1."""
+
+    measurement: MeasurementOptions = field(default_factory=MeasurementOptions)
+    """those of the rims and poses of single circles; `estimate` takes its own here"""
 
     # Which rims belong together.
     match_share: float = 0.08

@@ -84,8 +84,8 @@ def find_ring_targets(
     ]
     if circles:
         return RingTargets(tuple(circles), rejected)
-    solved = matched.rims if _are_same(rims, matched) else solve_rims(rims, camera)
-    lone = _lone_circle(solved, camera, target, methods)
+    solved = matched.rims if _are_same(rims, matched) else solve_rims(rims, camera, options)
+    lone = _lone_circle(solved, camera, target, methods, options)
     return RingTargets(tuple(lone), rejected, contradiction(solved, target, options) if lone else "")
 
 
@@ -94,7 +94,7 @@ def _are_same(rims: Sequence[Rim], matched: MatchedRims) -> bool:
 
 
 def _lone_circle(
-    rims: Sequence[SolvedRim], camera: Camera, target: Target, methods: tuple[str, ...]
+    rims: Sequence[SolvedRim], camera: Camera, target: Target, methods: tuple[str, ...], options: RingOptions
 ) -> list[CircleResult]:
     """Return the results of the most evident rim that can be a circle of `target`, as the largest that it can be."""
     for solved in rims:
@@ -104,7 +104,10 @@ def _lone_circle(
                 continue
             if isinstance(as_circle(solved, target, which), Failure):
                 continue
-            lone = circle_results(solved.rim, camera, _own_methods(methods), radius, 0, name, frame=solved.frame)
+            own = _own_methods(methods)
+            lone = circle_results(
+                solved.rim, camera, own, radius, 0, name, frame=solved.frame, options=options.measurement
+            )
             if methods == (FU_ZHOU,):
                 lone = [without_pose(result, NEEDS_RINGS) for result in lone]
             return [replace(result, flags=(*result.flags, Flag.LONE_CIRCLE)) for result in lone]
@@ -133,9 +136,9 @@ def _target_results(
         # Where methods are compared, or lengths contradict each other, each circle keeps its own poses.
         is_joint = joint.not_flat or not decision.is_strained
     if is_joint and target.kind == "coplanar":
-        bases = _without_candidates(match, instance, target)
+        bases = _without_candidates(match, instance, target, options)
         return [joint_result(base, n, (), decision, match, camera, target, options) for n, base in enumerate(bases)]
-    own = _own_results(match, instance, camera, target, methods)
+    own = _own_results(match, instance, camera, target, methods, options)
     evidence = joint.rims if isinstance(joint, TargetPoses) else ()
     results: list[CircleResult] = []
     if methods != (FU_ZHOU,):
@@ -167,23 +170,38 @@ def _target_results(
 
 
 def _own_results(
-    match: RingMatch, instance: int, camera: Camera, target: Target, methods: tuple[str, ...]
+    match: RingMatch,
+    instance: int,
+    camera: Camera,
+    target: Target,
+    methods: tuple[str, ...],
+    options: RingOptions,
 ) -> list[CircleResult]:
     """Return the results of each circle by its own rim, by each method."""
     return [
         result
         for each, radius, name in zip(match.rims, target.radii_mm, target.circle_names, strict=True)
         for result in circle_results(
-            each.rim, camera, _own_methods(methods), radius, instance, name, frame=each.frame
+            each.rim,
+            camera,
+            _own_methods(methods),
+            radius,
+            instance,
+            name,
+            frame=each.frame,
+            options=options.measurement,
         )
     ]
 
 
-def _without_candidates(match: RingMatch, instance: int, target: Target) -> list[CircleResult]:
+def _without_candidates(match: RingMatch, instance: int, target: Target, options: RingOptions) -> list[CircleResult]:
     """Return what the result of each circle says of its rim."""
     method = CIRCLE_METHODS[0]
     return [
-        replace(result_without_pose(each.rim, method, radius, instance, name), flags=rim_flags(each.rim, each.frame))
+        replace(
+            result_without_pose(each.rim, method, radius, instance, name),
+            flags=rim_flags(each.rim, each.frame, options.measurement),
+        )
         for each, radius, name in zip(match.rims, target.radii_mm, target.circle_names, strict=True)
     ]
 

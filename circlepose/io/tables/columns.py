@@ -52,6 +52,8 @@ COLUMN_MEANING: Mapping[str, str] = {
     "settled_by": "what settled the choice: vanishing_line, generatrix, joint_fit, common_plane, hint or none",
 }
 COLUMNS: tuple[str, ...] = tuple(COLUMN_MEANING)
+TEXT_COLUMNS = frozenset({"image", "circle", "method", "status", "cone", "flags", "settled_by"})
+WHOLE_NUMBER_COLUMNS = frozenset({"instance", "solution"})
 
 _DECIMALS = {name: 9 if name.startswith("normal_") else 4 if name.endswith("_px") else 6 for name in COLUMNS}
 

@@ -9,14 +9,12 @@ from typing import TYPE_CHECKING
 
 from circlepose import _arguments
 from circlepose.errors import UsageError
-from circlepose.io.tables.columns import COLUMNS, Row, pose_rows
+from circlepose.io.tables.columns import COLUMNS, TEXT_COLUMNS, WHOLE_NUMBER_COLUMNS, Row, pose_rows
 from circlepose.results import ImageResult
 
 if TYPE_CHECKING:
     import pandas
 
-_TEXTS = frozenset({"image", "circle", "method", "status", "cone", "flags", "settled_by"})
-_WHOLE_NUMBERS = frozenset({"instance", "solution"})
 _EXPECTED = "an ImageResult, or several, as of estimate or measure"
 
 
@@ -89,8 +87,8 @@ def _plain(value: object) -> object:
 
 
 def _dtype(column: str) -> str:
-    if column in _TEXTS:
+    if column in TEXT_COLUMNS:
         return "object"
-    if column in _WHOLE_NUMBERS:
+    if column in WHOLE_NUMBER_COLUMNS:
         return "Int64"
     return "boolean" if column == "chosen" else "float64"

@@ -9,13 +9,11 @@ from itertools import chain, islice
 from typing import Any, BinaryIO
 
 from circlepose.errors import UsageError
-from circlepose.io.tables.columns import COLUMNS, pose_rows
+from circlepose.io.tables.columns import COLUMNS, TEXT_COLUMNS, WHOLE_NUMBER_COLUMNS, pose_rows
 from circlepose.io.tables.json_records import POSES_SCHEMA
 from circlepose.io.text.escaping import quoted
 from circlepose.results import ImageResult
 
-_TEXTS = {"image", "circle", "method", "status", "cone", "flags", "settled_by"}
-_WHOLE_NUMBERS = {"instance", "solution"}
 _BATCH_ROWS = 10_000
 
 
@@ -41,9 +39,9 @@ def write_parquet(results: Iterable[ImageResult], handle: BinaryIO) -> None:
 
 
 def _kind(name: str, pyarrow: Any) -> Any:
-    if name in _TEXTS:
+    if name in TEXT_COLUMNS:
         return pyarrow.string()
-    if name in _WHOLE_NUMBERS:
+    if name in WHOLE_NUMBER_COLUMNS:
         return pyarrow.int32()
     return pyarrow.bool_() if name == "chosen" else pyarrow.float64()
 
