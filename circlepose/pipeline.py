@@ -41,6 +41,13 @@ class EstimateOptions:
     rings: RingOptions = field(default_factory=RingOptions)
     disambiguation: DisambiguationOptions = field(default_factory=DisambiguationOptions)
 
+    def __post_init__(self) -> None:
+        _arguments.instance_of(MeasurementOptions, "measurement", self.measurement, "MeasurementOptions(...)")
+        _arguments.instance_of(RingOptions, "rings", self.rings, "RingOptions(...)")
+        _arguments.instance_of(
+            DisambiguationOptions, "disambiguation", self.disambiguation, "DisambiguationOptions(...)"
+        )
+
 
 ESTIMATE_OPTIONS = EstimateOptions()
 
@@ -163,6 +170,7 @@ def estimate_with_trace(
     _arguments.one_of(EXTRACTIONS, "extraction", extraction)
     _arguments.instance_of(EstimateOptions, "options", options, "circlepose.pipeline.EstimateOptions(...)")
     refine = _arguments.truth("refine", refine)
+    force_calibration = _arguments.truth("force_calibration", force_calibration)
     scale_calibration = _arguments.truth("scale_calibration", scale_calibration)
     _arguments.text("name", name)
     methods = methods_for(target.kind, method)

@@ -34,6 +34,8 @@ def to_grey(image: Image) -> Image:
         When the array is not an image: wrong number of dimensions or channels, empty, of another type, or without a
         finite level.
     """
+    if isinstance(image, np.ma.MaskedArray):
+        raise ArgumentError("image: expected an array without a mask; set masked pixels of a floating image to NaN.")
     array = _array(image)
     if array.ndim == 3 and array.shape[2] == 1:
         array = array[:, :, 0]

@@ -1,6 +1,8 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 from dataclasses import replace
 
 import cv2
@@ -154,3 +156,26 @@ def test_threads_of_opencv_are_as_before(item):
 
 def test_cores_are_those_of_the_process():
     assert 1 <= measure.available_cores() <= (os.cpu_count() or 1)
+
+
+ABANDONED = """
+import sys
+import circlepose
+if __name__ == "__main__":
+    camera = circlepose.Camera.create([[900.0, 0.0, 160.0], [0.0, 900.0, 120.0], [0.0, 0.0, 1.0]], (), (320, 240))
+    results = circlepose.measure(iter([sys.argv[1]] * 9), camera, circlepose.Target.circle(20.0), jobs=2)
+    next(results)
+    print("one", flush=True)
+"""
+
+
+def test_a_program_may_end_with_a_run_abandoned_half_way(tmp_path):
+    (tmp_path / "abandoned.py").write_text(ABANDONED)
+    command = [sys.executable, str(tmp_path / "abandoned.py"), str(tmp_path / "none.png")]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert (done.returncode, done.stdout) == (0, "one\n"), done.stderr
+
+
+def test_a_time_without_end_is_waited_for(item):
+    (result,) = measure_files([item], OPTIONS, jobs=1, timeout_s=1e300)
+    assert result.status is Status.OK

@@ -150,3 +150,9 @@ def test_levels_that_do_not_pile_up_are_not_clipped() -> None:
     low, high = level_limits(to_grey(photograph(bright=400.0) / 255.0))
     assert low == -np.inf
     assert high < np.inf
+
+
+def test_a_mask_is_not_passed_over():
+    image = np.ma.masked_array(np.zeros((20, 20), np.uint8), mask=np.eye(20, dtype=bool))
+    with pytest.raises(ArgumentError, match="without a mask"):
+        to_grey(image)

@@ -12,7 +12,7 @@ from collections.abc import Callable, Generator, Iterable
 from contextlib import closing
 from dataclasses import dataclass, field
 from enum import Enum
-from multiprocessing import connection
+from multiprocessing import connection, util
 from typing import Any, Generic, TypeVar
 
 from circlepose.batch.workers.feed import Feed, signals_blocked
@@ -27,6 +27,8 @@ STILLBORN_ALLOWED = 3
 """workers in a row that may end before they are ready; more have a cause that does not go away"""
 _START_S = 120.0
 _PARTING_S = 2.0
+_LONGEST_WAIT_S = 3600.0
+"""At once: the operating system takes no times that are much longer than years."""
 _CONTEXT = multiprocessing.get_context("spawn")
 
 
@@ -132,6 +134,9 @@ class Pool(Generic[Item, Result]):
         self._deaths_allowed = deaths_allowed
         self._workers: list[_Worker[Item, Result]] = []
         self._stillborn = 0
+        # At the end of the program, a run may be abandoned half-way. Workers ignore SIGTERM, by which multiprocessing
+        # would end them, and it would wait for them forever.
+        util.Finalize(self, _kill, args=(self._workers,), exitpriority=10)
 
     def run(
         self, items: Iterable[Item | Known[Result]], window: int
@@ -180,7 +185,7 @@ class Pool(Generic[Item, Result]):
         """Wait for a result, a new item, the end of a worker or the end of its time."""
         timeout = None
         if busy := [worker.deadline for worker in self._workers if worker.tasks or not worker.ready]:
-            timeout = max(0.0, min(busy) - time.monotonic())
+            timeout = min(max(0.0, min(busy) - time.monotonic()), _LONGEST_WAIT_S)
         changed = connection.wait([feed.signal, *(worker.pipe for worker in self._workers)], timeout)
         for worker in list(self._workers):
             if worker.pipe in changed:
@@ -268,3 +273,9 @@ class Pool(Generic[Item, Result]):
         self._stillborn += 1
         if self._stillborn >= STILLBORN_ALLOWED:
             raise RuntimeError(f"worker processes end before they are ready to work ({how})")
+
+
+def _kill(workers: list[_Worker[Any, Any]]) -> None:
+    """End workers without waiting for what they are at."""
+    for worker in workers:
+        worker.process.kill()
