@@ -56,14 +56,16 @@ def test_damaged_texts(kind: str) -> None:
 
 
 def test_odd_calls_of_the_library() -> None:
-    check(list(CALLS), 60, "fuzz_arguments", least_read=0.02)
+    check(list(CALLS), 60, "benchmarks.support.fuzz.arguments", least_read=0.02)
 
 
 def test_damaged_journals_and_odd_places() -> None:
-    check(["journal, checksums mended", "place of an output"], 150, "fuzz_outputs")
+    check(["journal, checksums mended", "place of an output"], 150, "benchmarks.support.fuzz.outputs")
 
 
-def check(names: list[str], cases: int, source: str = "fuzz_formats", least_read: float = 0.1) -> None:
+def check(
+    names: list[str], cases: int, source: str = "benchmarks.support.fuzz.formats", least_read: float = 0.1
+) -> None:
     found = fuzz([(name, number) for name in names for number in range(cases)], source)
     failures = {(name, case): text for name in names for case, text in found[name].failures.items()}
     assert not failures
