@@ -31,6 +31,9 @@ from circlepose.results import Status
 
 __all__ = ["IMAGE_SUFFIXES", "read_image", "write_image"]
 
+_AS_STORED = cv2.IMREAD_UNCHANGED
+"""Looked up at the import: where OpenCV is broken, nothing has been written yet."""
+
 
 def read_image(path: str | os.PathLike[str] | RemoteFile) -> Image:
     """Read one image file as it is stored.
@@ -131,6 +134,6 @@ def _decoded(content: bytes | bytearray) -> tuple[Image | None, list[str]]:
     remarks: list[str] = []
     try:
         with decoders_quiet() as remarks:
-            return cv2.imdecode(buffer, cv2.IMREAD_UNCHANGED), remarks
+            return cv2.imdecode(buffer, _AS_STORED), remarks
     except (cv2.error, MemoryError):
         return None, remarks
