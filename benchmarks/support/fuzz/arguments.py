@@ -24,6 +24,9 @@ from benchmarks.support.fuzz.mutations import Rng, generator
 from circlepose import Camera, CameraSigma, CircleposeError, DirectionHint, Target
 from circlepose._arguments import shown
 from circlepose.detection import EXTRACTIONS
+from circlepose.disambiguation.options import DisambiguationOptions
+from circlepose.measurement.options import MeasurementOptions
+from circlepose.rings.options import RingOptions
 from circlepose.solvers import METHODS
 
 MOST_CHARACTERS = 600
@@ -68,6 +71,14 @@ def calls() -> Mapping[str, Call]:
         "DirectionHint": Call(_hinted, lambda: {"direction": (0.0, 1.0, 0.0), "spread_deg": 10.0}),
         "Ellipse.from_axes": Call(
             circlepose.Ellipse.from_axes, lambda: {"center": [30.0, 20.0], "semi_axes": [9.0, 5.0], "angle": 0.3}
+        ),
+        "EstimateOptions": Call(
+            circlepose.EstimateOptions,
+            lambda: {
+                "measurement": MeasurementOptions(),
+                "rings": RingOptions(),
+                "disambiguation": DisambiguationOptions(),
+            },
         ),
         "read_camera": Call(circlepose.read_camera, lambda: {"source": b"fx: 60\nfy: 60\ncx: 31.5\ncy: 23.5\n"}),
         "read_target": Call(circlepose.read_target, lambda: {"source": b"radius_mm: 20\n"}),
