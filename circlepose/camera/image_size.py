@@ -14,7 +14,7 @@ _EVEN_PX = 2.0
 def is_resized(size: Size, original: Size) -> bool:
     """Whether an image of `size` can be the whole of `original`, resized by one factor and rounded to pixels.
 
-    A part of the same proportions cannot be told from it.
+    A crop of the same proportions cannot be distinguished from it.
     """
     if size == original:
         return True

@@ -109,7 +109,7 @@ class DetectionOptions:
     offset_rounds: int = 3
     """rounds of the robust fit to offsets across the rim; empirical"""
     offset_scale: float = 1.5
-    """medians of the absolute offsets; scale of the robust weights; empirical"""
+    """scale of the robust weights, in medians of the absolute offsets; empirical"""
     least_offset_scale_px: float = 0.1
     """px; the same at least; empirical"""
     most_offset_scale_px: float = 1.0

@@ -32,7 +32,7 @@ _OTHER: Color = (205, 205, 205)
 _AXES: Color = (225, 140, 60)
 _FAILED: Color = (70, 70, 255)
 _SHADOW: Color = (20, 20, 20)
-# BGR, told apart by hue and lightness also on grey photographs.
+# BGR, distinct by hue and lightness also on gray photographs.
 _INSTANCES: tuple[Color, ...] = (
     (60, 220, 60),
     (0, 190, 255),

@@ -167,13 +167,13 @@ def _differences(
         yield _named(circle, "flipped" if flipped else "moved", circle.status, other.status, distance)
 
 
-def _of_images(measured: PoseTable, reference: PoseTable, told: Collection[str]) -> Iterator[Difference]:
-    """Yield images whose own rows differ, unless a difference of one of their circles tells of it already."""
+def _of_images(measured: PoseTable, reference: PoseTable, named: Collection[str]) -> Iterator[Difference]:
+    """Yield images whose own rows differ, unless a difference of one of their circles names the image already."""
     ours, theirs = set(measured.images), set(reference.images)
     for image in dict.fromkeys((*reference.image_status, *measured.image_status)):
         status = measured.image_status.get(image, Status.OK if image in ours else None)
         other = reference.image_status.get(image, Status.OK if image in theirs else None)
-        if status != other and image not in told:
+        if status != other and image not in named:
             change: Change = "missing" if status is None else "extra" if other is None else "status"
             yield Difference(image, None, None, None, change, status=status, reference_status=other)
 

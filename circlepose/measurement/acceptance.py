@@ -107,7 +107,7 @@ def _reasons(
     minor = np.array([float(rim.ellipse.semi_minor) for rim in rims])
     before: FloatArray = np.array([rim.rim_used for rim in rims])
     noise_share = fit.noise_levels / np.maximum(np.abs(fit.contrast_levels), 1e-9)
-    # Where the levels of a tiny disc are not explained by the model, they are no better than the edges.
+    # Where the model does not explain the levels of a tiny disc, the fit is no better than its edges.
     is_tiny = minor < np.where(is_alone, options.tiny_px, options.tiny_crowded_px)
     is_unexplained = is_tiny | (noise_share > options.textured_noise_share)
     if is_unexplained.any():

@@ -28,9 +28,9 @@ class Linearization:
     """The model of m rims, linearized at their cones and blurs."""
 
     factors: FloatArray
-    """(m, 3, 3)"""
+    """(m, 3, 3) of the viewing cones, camera frame"""
     blur: FloatArray
-    """(m, 3)"""
+    """(m, 3) logarithm of the blur (px), and its inequality by direction, see `edge_spread`"""
     coordinates: RimCoordinates
     design: DesignMatrix
     texture_order: int = 0

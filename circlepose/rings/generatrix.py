@@ -137,7 +137,7 @@ def settles(pairs: Sequence[GeneratrixPair], target: Target, options: RingOption
 
 
 def _measured(result: CircleResult, candidate: Candidate, rim: RimEvidence | None) -> MeasuredCircle:
-    """Return a candidate with its covariance: by the edges of its own rim where it has no other, or else NaN."""
+    """Return a candidate with its covariance, or that of its rim's edges where it has none; NaN where neither is."""
     covariance = candidate.covariance
     if covariance is None and rim is not None and np.linalg.matrix_rank(rim.information) == len(rim.information):
         modes = np.asarray(np.linalg.inv(rim.information))

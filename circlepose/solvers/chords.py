@@ -222,7 +222,7 @@ def _half_window(number: int) -> int:
 
 
 def _near_rim(rays: FloatArray, frame: PrincipalFrame, slack: float = 0.0) -> BoolArray:
-    """Tell which rays (n,) lie on the rim (x/s)^2 + (y/t)^2 = z^2 of the frame.
+    """Return which rays (n,) lie on the rim (x/s)^2 + (y/t)^2 = z^2 of the frame.
 
     With p and q off their places along the rim by up to `slack` rad of it, as contour points are.
     """

@@ -1,7 +1,7 @@
 """The numbers that the two papers print, as they stand there: mm and deg.
 
 Chen & Huang 1999: Table I and the noise experiment, both in section IV. Fu & Zhou 2019: Tables 1 and 2. What
-the papers leave open, and how it is read here, is told in docs/papers.md.
+the papers leave open, and how it is read here, is said in docs/papers.md.
 """
 
 from __future__ import annotations

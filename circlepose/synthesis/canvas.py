@@ -108,7 +108,7 @@ def trace(canvas: Canvas, part: Part) -> Traced:
 def _inside(
     canvas: Canvas, region: Region, window: tuple[slice, slice], crossed: BoolArray, whole: bool
 ) -> BoolArray:
-    """Tell which uncrossed pixels of the window are inside: one question per connected area, or per pixel."""
+    """Return which uncrossed pixels of the window are inside: one question per connected area, or per pixel."""
     offset = np.array([window[0].start, window[1].start])
     if not whole:
         inside = np.zeros(crossed.shape, dtype=np.bool_)

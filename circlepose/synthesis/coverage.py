@@ -112,7 +112,7 @@ def quadratic_coverage(value: FloatArray, gradient: FloatArray, hessian: FloatAr
 
 
 def takes_tents(blur_px: float, number: int) -> bool:
-    """Tell whether the blur is wide enough for a second box of one cell to be taken out of it."""
+    """Whether the blur is wide enough for a second box of one cell to be taken out of it."""
     return blur_px * number >= 1.0
 
 

@@ -1,6 +1,6 @@
 """Regions of the image with exact rims: where in a cell each begins, and where its rim runs.
 
-A region tells two things: its coverage of given cells, and points along its rim (which only say
+A region has two parts: its coverage of given cells, and points along its rim (which only say
 which pixels need cells; the rim itself is never a polygon).
 """
 

@@ -1,4 +1,4 @@
-"""What is known beforehand of how a lone circle's surface is turned; tells its two candidates apart.
+"""What is known beforehand of how a lone circle's surface is turned, which may settle its two candidates.
 
 Directions are in the camera frame: x right, y down, z forward. They may have any length but 0.
 """

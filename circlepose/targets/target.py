@@ -29,11 +29,11 @@ class AxisIntervals:
     minor_px: tuple[float, float] | None = None
 
     def holds_major(self, length_px: float) -> bool:
-        """Tell whether a major axis of `length_px` is accepted."""
+        """Whether a major axis of `length_px` is accepted."""
         return self.major_px is None or self.major_px[0] <= length_px <= self.major_px[1]
 
     def holds_minor(self, length_px: float) -> bool:
-        """Tell whether a minor axis of `length_px` is accepted."""
+        """Whether a minor axis of `length_px` is accepted."""
         return self.minor_px is None or self.minor_px[0] <= length_px <= self.minor_px[1]
 
     def __post_init__(self) -> None:

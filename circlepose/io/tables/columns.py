@@ -61,8 +61,8 @@ _DECIMALS = {name: 9 if name.startswith("normal_") else 4 if name.endswith("_px"
 def pose_rows(result: ImageResult) -> Iterator[Row]:
     """Yield the rows of one image in the `poses` layout; a key that is absent or None is an empty cell.
 
-    A circle without a pose has one row. An image without one has one row of name and status; so has, after
-    the rows of those found, an image with too few circles.
+    A circle without a pose has one row. An image without a circle has one row of name and status; so does
+    an image with too few circles, after the rows of those that were found.
     """
     for circle in result.circles:
         shared = {"image": result.image, **circle_fields(circle)}
