@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import os
 import sys
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
 from circlepose_cli.console.process import use_one_thread
@@ -11,6 +12,11 @@ use_one_thread()
 ROOT = Path(__file__).resolve().parent.parent
 # At the end, for `tests` and `benchmarks` alone: what is tested is the installed package.
 sys.path.append(str(ROOT))
+for name in ("tests", "benchmarks"):
+    # Some packages bring folders of these names into the same place as theirs.
+    spec = spec_from_file_location(name, ROOT / name / "__init__.py", submodule_search_locations=[str(ROOT / name)])
+    assert spec is not None
+    sys.modules[name] = module_from_spec(spec)
 
 import pytest  # noqa: E402
 from hypothesis import settings  # noqa: E402

@@ -21,7 +21,7 @@ from circlepose.photometry.levels_fit import BlurPrior, LevelsFit, levels_fit, r
 from circlepose.photometry.options import DEFAULT, PhotometryOptions
 from circlepose.photometry.pixel_band import Bands, OuterSamples
 from circlepose.photometry.pixel_selection import Pixels
-from circlepose.photometry.segments import AT_RIM, segment_sums
+from circlepose.photometry.segments import AT_RIM
 from circlepose.photometry.texture import fit_texture, predicted_levels
 
 
@@ -164,11 +164,8 @@ def _fit_shaded(
         precision[which] = problem.prior_precision(variance[which], result.levels.contrast[which], which)
         blur_precision[which] = variance[which, None] * blur_prior.information[which]
         put_rows(result, which, _refit(problem, some, which, result, (precision, blur_precision), prior))
-    # A segment without a pixel in use, such as one of dead pixels, is not used either.
-    index = np.arange(len(segment))[:, None] * outliers.shape[1] + segment
-    is_unused = outliers[:, :, AT_RIM] | (segment_sums(bands.weight > 0.0, index, outliers.shape[:2]) == 0.0)
-    unused = zip(is_unused, pixels.segments, strict=True)
-    rim_used = 1.0 - np.array([segments[:number].mean() for segments, number in unused])
+    at_rim = zip(outliers, pixels.segments, strict=True)
+    rim_used = 1.0 - np.array([cells[:number, AT_RIM].mean() for cells, number in at_rim])
     fit = levels_fit(result, bands, blur_prior, (segment, pixels.segments), rim_used, precision, options)
     is_correlated = fit.correlation > 1.0
     return fit, bands, segment, is_correlated if prior is None else is_correlated | ~prior.is_continued

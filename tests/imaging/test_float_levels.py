@@ -14,7 +14,7 @@ from circlepose.errors import ArgumentError
 from circlepose.imaging.float_levels import in_steps, without_gaps
 from circlepose.imaging.gray import to_grey
 from circlepose.photometry.initialization import level_limits
-from circlepose.results import Flag, ImageResult
+from circlepose.results import ImageResult
 from circlepose.synthesis.render import render
 from circlepose.synthesis.scene import Disc, Paint, Scene
 
@@ -156,13 +156,3 @@ def test_a_mask_is_not_passed_over():
     image = np.ma.masked_array(np.zeros((20, 20), np.uint8), mask=np.eye(20, dtype=bool))
     with pytest.raises(ArgumentError, match="without a mask"):
         to_grey(image)
-
-
-def test_dead_pixels_along_the_rim_are_not_counted_as_used(project_root):
-    folder = project_root / "sample_images" / "cd"
-    camera, target = circlepose.read_camera(folder / "camera.yml"), circlepose.read_target(folder / "target.yaml")
-    levels = circlepose.read_image(folder / "a.png").astype(np.float64)
-    levels[270:345, 30:210] = np.nan
-    (circle,) = circlepose.estimate(levels, camera, target).circles
-    assert 0.6 < circle.rim_used < 0.85
-    assert Flag.PARTIAL_RIM in circle.flags
