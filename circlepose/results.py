@@ -145,7 +145,7 @@ class Candidate:
     normal: FloatArray
     """(3,) unit vector towards the camera: normal . center <= 0"""
     imaged_center: FloatArray
-    """(2,) px, raw distorted image: where the circle's centre is seen (not the ellipse's centre)"""
+    """(2,) px, raw distorted image: where the circle's center is seen (not the ellipse's center)"""
     generatrix_mm: float | None = None
     """coaxial targets: rim to rim distance with the other circle's paired candidate, at the end near the camera"""
     generatrix_ends_mm: FloatArray | None = None
@@ -168,13 +168,13 @@ class Candidate:
     covariance_terms: CovarianceTerms | None = None
     """the terms, where another than the image's noise is known"""
     position_difference_mm: float | None = None
-    """distance of the centre from Chen & Huang's, where several methods were run"""
+    """distance of the center from Chen & Huang's, where several methods were run"""
     orientation_difference_deg: float | None = None
     """angle of the normal to Chen & Huang's, where several methods were run"""
 
     @property
     def transform(self) -> FloatArray:
-        """(4, 4) from the circle's frame to the camera's, mm: rotation and centre.
+        """(4, 4) from the circle's frame to the camera's, mm: rotation and center.
 
         The circle's frame has its origin in the center and z along `normal`. A circle has no roll of its own; the
         rule is: where the normal is the camera's -z, x is the camera's x and y its -y (up). Any other frame is that
@@ -187,7 +187,7 @@ class Candidate:
 
     @property
     def sigma_mm(self) -> FloatArray | None:
-        """(3,) standard deviations of the centre along x, y and z, mm; None without a covariance."""
+        """(3,) standard deviations of the center along x, y and z, mm; None without a covariance."""
         if self.covariance is None:
             return None
         return np.array([_root(variance) for variance in self.covariance.diagonal()[:3].tolist()])
@@ -208,7 +208,7 @@ class Candidate:
         return f"Candidate({self._numbers()})"
 
     def _numbers(self) -> str:
-        """Return centre and normal with their standard deviations, each with its unit."""
+        """Return center and normal with their standard deviations, each with its unit."""
         center = f"center {_vector(self.center, 3)} mm"
         normal = f"normal {_vector(self.normal, 5)}"
         if self.sigma_mm is None:

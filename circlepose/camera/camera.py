@@ -1,6 +1,6 @@
 """The calibrated camera: pixels <-> rays under the full lens model, with derivatives. Pure NumPy.
 
-Camera frame of OpenCV: x right, y down, z forward. An integer pixel coordinate is a pixel's centre.
+Camera frame of OpenCV: x right, y down, z forward. An integer pixel coordinate is a pixel's center.
 """
 
 from __future__ import annotations
@@ -196,7 +196,7 @@ class Camera:
     def scaled_to(self, image_size: tuple[int, int]) -> Self:
         """Return the camera of the same lens whose images were resized to `image_size` (width, height).
 
-        Pixel centres are integers, so the image's corner is at -0.5: c' = (c + 0.5) s - 0.5.
+        Pixel centers are integers, so the image's corner is at -0.5: c' = (c + 0.5) s - 0.5.
         """
         if self.image_size is None:
             raise CalibrationError("image_size: the calibration does not say its image size, so it cannot be scaled.")

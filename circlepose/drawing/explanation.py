@@ -81,7 +81,7 @@ def _crop(base: Image, circle: ExplainedCircle, ellipse: Ellipse, camera: Camera
     scale = _CROP / (2.0 * half)
     corner = ellipse.center - half
     tinted = _tinted(base, circle.levels)
-    # Picture px p stand for image px corner + p / scale; pixel centres are integers in both.
+    # Picture px p stand for image px corner + p / scale; pixel centers are integers in both.
     matrix = np.array([[1.0 / scale, 0.0, corner[0]], [0.0, 1.0 / scale, corner[1]]])
     flags = (cv2.INTER_NEAREST if scale > 1.0 else cv2.INTER_LINEAR) | cv2.WARP_INVERSE_MAP
     crop = cv2.warpAffine(tinted, matrix, (_CROP, _CROP), flags=flags, borderValue=(90, 90, 90))

@@ -20,7 +20,7 @@ from circlepose.results import Candidate, CircleResult, ImageResult, Status
 SMALLEST_PICTURE = 1000
 """px; an image whose longer side is less is enlarged by a whole factor so that text has room"""
 MOST_FULL_CAPTIONS = 4
-"""with more circles a caption is centre and normal only"""
+"""with more circles a caption is center and normal only"""
 MOST_CAPTIONS = 12
 """with more circles a caption is only the number of the target"""
 LEGEND = (
@@ -55,7 +55,7 @@ class _Pen:
     """picture px; a thousandth of the picture's longer side"""
 
     def at(self, points: FloatArray) -> FloatArray:
-        """Return image `points` (..., 2) in the picture; pixel centres are integers in both."""
+        """Return image `points` (..., 2) in the picture; pixel centers are integers in both."""
         return (points + 0.5) * self.enlargement - 0.5
 
     def width(self, units: float) -> int:
@@ -165,7 +165,7 @@ def _draw_contours(pen: _Pen, circles: Sequence[CircleResult]) -> None:
 
 
 def _with_gaps(contour: FloatArray) -> FloatArray:
-    """Close a contour (n, 2), with NaN where neighbours are far apart: an arc that was not used."""
+    """Close a contour (n, 2), with NaN where neighbors are far apart: an arc that was not used."""
     closed = np.concatenate([contour, contour[:1]])
     steps = np.linalg.norm(np.diff(closed, axis=0), axis=1)
     far = np.flatnonzero(steps > max(4.0 * float(np.median(steps)), 3.0))

@@ -18,7 +18,7 @@ CHANGE_MEANING: Mapping[Change, str] = {
     "extra": "in the poses only",
     "status": "failed in one of the two only, or for another reason",
     "flipped": "the chosen candidate is outside tolerance, the other one is within",
-    "moved": "centre or normal are outside tolerance",
+    "moved": "center or normal are outside tolerance",
 }
 
 
@@ -92,7 +92,7 @@ def compare(
         A table of poses.
     reference
         Another one, or a truth. A truth holds for every method; if it shares no circle's name with `measured`,
-        circles are matched by their centres alone.
+        circles are matched by their centers alone.
     tolerance
         What is beyond it is a difference; so is a circle that is missing, not in the reference, or of another
         status.

@@ -1,4 +1,4 @@
-"""Which circle of one table is which of another: by image, circle and method, several instances by their centres."""
+"""Which circle of one table is which of another: by image, circle and method, several instances by their centers."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class TabledCircle:
 
     @property
     def center_mm(self) -> Vector | None:
-        """Centre of the chosen pose."""
+        """Center of the chosen pose."""
         return self.poses[self.chosen].center_mm if self.poses else None
 
 
@@ -86,7 +86,7 @@ def with_common_names(measured: PoseTable, reference: PoseTable) -> tuple[PoseTa
 def pair_circles(measured: PoseTable, reference: PoseTable) -> Pairing:
     """Return each circle of `measured` with its counterpart in `reference`.
 
-    Several instances are paired by the centres of their chosen poses, the closest pair first, whatever the order
+    Several instances are paired by the centers of their chosen poses, the closest pair first, whatever the order
     of the rows.
     """
     named = any(circle.circle is not None for circle in reference.circles)
@@ -129,7 +129,7 @@ def _with_common_circles(measured: PoseTable, reference: PoseTable) -> tuple[Pos
     unnamed = tuple(replace(circle, circle=None) for circle in reference.circles)
     return (
         replace(reference, circles=unnamed),
-        "the truth does not name its circles as the poses do; circles are matched by centre alone",
+        "the truth does not name its circles as the poses do; circles are matched by center alone",
     )
 
 
@@ -182,7 +182,7 @@ def _rank(circle: TabledCircle) -> tuple[int, Vector, str]:
 
 
 def _gaps(ours: Sequence[TabledCircle], theirs: Sequence[TabledCircle]) -> FloatArray:
-    """Return the distances (n, m) of the centres, mm; infinite where one is unknown, 0 where both failed alike."""
+    """Return the distances (n, m) of the centers, mm; infinite where one is unknown, 0 where both failed alike."""
     unknown = (math.nan, math.nan, math.nan)
     first, second = (
         np.array([circle.center_mm or unknown for circle in circles]).reshape(-1, 1, 3) for circles in (ours, theirs)

@@ -1,7 +1,7 @@
 """Guaranteed ellipse fit: approximate maximum likelihood that cannot leave the ellipses.
 
 The fit that Fu & Zhou use: Szpak, Chojnacki & van den Hengel, Guaranteed ellipse fitting with a confidence region
-and an uncertainty measure for centre, axes, and orientation (2015). It minimizes, by Levenberg-Marquardt,
+and an uncertainty measure for center, axes, and orientation (2015). It minimizes, by Levenberg-Marquardt,
 
     sum w f(x)^2 / (g' S g),    g = grad f(x), S the covariance of point x
 

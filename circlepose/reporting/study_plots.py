@@ -52,7 +52,7 @@ def plot_noise(rows: Sequence[NoiseRow], path: Path, *, overwrite: bool = False)
         label = f"{reading}; {points}" if reading != "print" else "the paper"
         left.plot(noise, [row.center_sd_mm for row in line], label=label, **style)
         right.plot(noise, [row.normal_sd_deg for row in line], **style)
-    left.set_ylabel("standard deviation of the centre, mm")
+    left.set_ylabel("standard deviation of the center, mm")
     right.set_ylabel("standard deviation of the normal, deg")
     for axes in (left, right):
         axes.set_xlabel("noise, px")

@@ -12,7 +12,7 @@ Two formulas on the way there are misprinted in the paper, the final ones are ri
 u_p'^2 - v_b'^2 (printed u_p'^2 - f^2), and gamma = 2 alpha beta/(alpha + beta), which is
 (R/s) sqrt((1 + t^2)/(1 + s^2)) (printed as (alpha + beta)/2).
 
-A right cone (s = t) gives the same pose twice, a degenerate one (t = 0) one centre with opposite normals.
+A right cone (s = t) gives the same pose twice, a degenerate one (t = 0) one center with opposite normals.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from circlepose.geometry.cone import PrincipalFrame
 
 
 def poses_from_frame(frame: PrincipalFrame, radius: FloatArray | float) -> tuple[FloatArray, FloatArray]:
-    """Return both poses of a circle of `radius` (...) with this viewing cone: centres and normals (..., 2, 3).
+    """Return both poses of a circle of `radius` (...) with this viewing cone: centers and normals (..., 2, 3).
 
-    The centres are in the unit of `radius`, the normals are unit vectors towards the camera; section III.
+    The centers are in the unit of `radius`, the normals are unit vectors towards the camera; section III.
     """
     s, t = frame.tan_half_major, frame.tan_half_minor
     r = np.asarray(radius, dtype=np.float64)

@@ -74,7 +74,7 @@ def _over_rim(rays: FloatArray, rotation: FloatArray, s: float, t: float) -> tup
 
 
 def _scatter(distance: FloatArray) -> float:
-    """Return how far neighbouring points stray from each other, of their distances (n,) from a curve, robustly."""
+    """Return how far neighboring points stray from each other, of their distances (n,) from a curve, robustly."""
     second = distance - (np.roll(distance, 1) + np.roll(distance, -1)) / 2.0
     return 1.4826 * float(np.median(np.abs(second))) / float(np.sqrt(1.5))
 

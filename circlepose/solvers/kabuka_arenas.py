@@ -1,13 +1,13 @@
 """Approximate circle pose from the image ellipse's axes, after Kabuka & Arenas (1987).
 
 Our form of it, from what Chen & Huang say of it: the optical axis is taken to pass through the circle's
-centre, and perspective within the circle is left out. Turn the camera so that it looks at the ellipse's
-centre; a and b are the semi-axes there (f = 1). Then
+center, and perspective within the circle is left out. Turn the camera so that it looks at the ellipse's
+center; a and b are the semi-axes there (f = 1). Then
 
     distance = R/a,    cos(tilt) = b/a,
 
-the centre lies on the ray of the ellipse's centre, and the circle is tilted about the major axis, one way or
-the other. The error grows with the tilt and with R/distance: the ellipse's centre is not the circle's, and
+the center lies on the ray of the ellipse's center, and the circle is tilted about the major axis, one way or
+the other. The error grows with the tilt and with R/distance: the ellipse's center is not the circle's, and
 the nearer half of the circle looks larger.
 """
 
@@ -21,7 +21,7 @@ from circlepose.geometry.ellipse import Ellipse
 
 
 def poses_from_factor(factor: FloatArray, radius: float) -> tuple[FloatArray, FloatArray] | None:
-    """Return both poses (centres and normals, (2, 3)) from a viewing cone's `factor` (3, 3).
+    """Return both poses (centers and normals, (2, 3)) from a viewing cone's `factor` (3, 3).
 
     None when the image has no area (edge-on view): the axis ratio is then no measure of the tilt.
     """

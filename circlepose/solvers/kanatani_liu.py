@@ -4,7 +4,7 @@ Scale the cone `Q` to determinant -1 with eigenvalues l2 >= l1 > 0 > l3 and unit
 
     n = +-sqrt((l2 - l1)/(l2 - l3)) u2 + sqrt((l1 - l3)/(l2 - l3)) u3,    d = l1^(3/2) R
 
-with d the distance of the supporting plane, and the centre is where the plane meets the ray Q^-1 n.
+with d the distance of the supporting plane, and the center is where the plane meets the ray Q^-1 n.
 Exact on an exact ellipse. It needs one: seen edge-on the image is a segment, Q is singular and there is no
 answer.
 """
@@ -22,7 +22,7 @@ _LEAST_SHARE = 1e3 * float(np.finfo(np.float64).eps)
 
 
 def poses_from_cone(cone: FloatArray, radius: FloatArray | float) -> tuple[FloatArray, FloatArray]:
-    """Return both poses of a circle of `radius` (...) with the cone `Q` (..., 3, 3): centres, normals (..., 2, 3).
+    """Return both poses of a circle of `radius` (...) with the cone `Q` (..., 3, 3): centers, normals (..., 2, 3).
 
     `Q` may have any scale; its sign must make it negative inside. Centres in the unit of `radius`, normals
     towards the camera, the cone taken on the side of z > 0 or, where it spans z = 0, of its larger part.

@@ -1,7 +1,7 @@
 """The noise experiment of Chen & Huang done again: feature points + Gaussian noise -> spread of the pose.
 
 The exact pixels of the feature points get independent Gaussian noise, of standard deviation `noise_px` in x and in
-y, and the pose is computed from them. Over the repeats, with mean centre c and mean direction m of the normal,
+y, and the pose is computed from them. Over the repeats, with mean center c and mean direction m of the normal,
 
     center_sd_mm = sqrt(mean |c_i - c|^2)      normal_sd_deg = sqrt(mean angle(n_i, m)^2)
 
@@ -61,7 +61,7 @@ class NoiseRow:
     center_sd_mm: float
     normal_sd_deg: float
     center_bias_mm: float | None = None
-    """distance of the mean centre from the truth; None for what is printed"""
+    """distance of the mean center from the truth; None for what is printed"""
     normal_bias_deg: float | None = None
     no_pose: int | None = None
     """perturbations that gave none: they are left out"""

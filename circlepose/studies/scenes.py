@@ -35,9 +35,9 @@ def chen_huang_camera(fx: float = 2607.0, fy: float = 2607.0) -> Camera:
 
 
 def cd_pose(image: str) -> tuple[FloatArray, FloatArray]:
-    """Return centre (3,), mm, and normal (3,), as printed, of the compact disc in view a, b or c of Table I.
+    """Return center (3,), mm, and normal (3,), as printed, of the compact disc in view a, b or c of Table I.
 
-    The print has c at the centre of a and the normal 0.01 off: it is the same view, touched by an object.
+    The print has c at the center of a and the normal 0.01 off: it is the same view, touched by an object.
     """
     printed = next(row for row in TABLE1 if row.image == ("b" if image == "b" else "a"))
     return frozen(printed.center_mm), frozen(printed.normal)

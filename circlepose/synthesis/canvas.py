@@ -94,7 +94,7 @@ def trace(canvas: Canvas, part: Part) -> Traced:
         return Traced(part, *window, nothing, nothing)
     points = points[np.all((points > low - 3) & (points < high + 3), axis=1)]
     at = np.rint(points).astype(np.int64) - low
-    # Half a pixel between points at most: the pixel of each and its neighbours hold the rim.
+    # Half a pixel between points at most: the pixel of each and its neighbors hold the rim.
     for down in (-1, 0, 1):
         for right in (-1, 0, 1):
             y, x = at[:, 1] + down, at[:, 0] + right

@@ -1,7 +1,7 @@
 """How much of a small square cell a region covers, to second order, and the cells themselves. Pure NumPy.
 
 Within a cell (a sixth of a pixel or so) the rim F = 0 is taken as an arc: F, its gradient and its Hessian
-at the cell's centre give where the rim crosses the line of steepest ascent, and the area on one side of a
+at the cell's center give where the rim crosses the line of steepest ascent, and the area on one side of a
 straight line through a square is known in closed form.
 
 A cell weighs with a box or, where the lens's blur is wider than a cell, with a tent of twice the side: a second
@@ -28,7 +28,7 @@ class Cells:
     """Square cells of the image plane, in any batch shape."""
 
     pixels: FloatArray
-    """(..., 2) px, their centres in the raw image"""
+    """(..., 2) px, their centers in the raw image"""
     rays: FloatArray
     """(..., 3) unit; NaN outside the lens model"""
     ray_jacobian: FloatArray
@@ -66,7 +66,7 @@ def cells_of(camera: Camera, pixels: FloatArray, number: int, tent: bool = False
 
 
 def half_plane_coverage(distance: FloatArray, direction: FloatArray, cells: Cells) -> FloatArray:
-    """Return the fraction (...) of each cell with direction . x < distance (...) px, x from the cell's centre.
+    """Return the fraction (...) of each cell with direction . x < distance (...) px, x from the cell's center.
 
     `direction` (..., 2) is a unit vector. Exact: the distribution of a sum of uniform variables, two for a
     box and four for a tent, which is a sum of powers of ramps.
@@ -90,7 +90,7 @@ def half_plane_coverage(distance: FloatArray, direction: FloatArray, cells: Cell
 def quadratic_coverage(value: FloatArray, gradient: FloatArray, hessian: FloatArray, cells: Cells) -> FloatArray:
     """Return the fraction (...) of each cell with F < 0; 0 where F is NaN.
 
-    `value` (...), `gradient` (..., 2) and `hessian` (..., 2, 2) of F in px at the cells' centres, F convex
+    `value` (...), `gradient` (..., 2) and `hessian` (..., 2, 2) of F in px at the cells' centers, F convex
     near its zero. Both crossings of the line of steepest ascent count, so a sliver thinner than a cell is
     weighed right.
     """

@@ -25,7 +25,7 @@ def disc_views(
 ) -> Iterator[Scene]:
     """Yield `number` scenes of a black disc of radius 60 mm on white, anywhere in the image and wholly in it.
 
-    Grey 40 on 200, blur 0.7 px, noise 2 grey levels. The centre is 400 to 1500 mm from the camera, the
+    Gray 40 on 200, blur 0.7 px, noise 2 gray levels. The center is 400 to 1500 mm from the camera, the
     normal 0 to 75 deg from the line of sight, both uniform. `lo` is 1280 x 960 with f = 1200 px, `hi` is
     2456 x 2058 with f = 3480 px; `dist_coeffs` in OpenCV's order. View k depends on (`seed`, k) alone.
     """

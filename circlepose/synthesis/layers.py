@@ -30,7 +30,7 @@ class Part:
     """carries the texture; None: the image"""
 
     def levels(self, cells: Cells) -> FloatArray:
-        """Return the grey levels (...) that the paint has at `cells`."""
+        """Return the gray levels (...) that the paint has at `cells`."""
         if self.paint.texture is None:
             return np.full(cells.pixels.shape[:-1], self.paint.level, dtype=np.float64)
         points = cells.pixels if self.plane is None else plane_coordinates(self.plane, cells)[0]
@@ -41,7 +41,7 @@ class Part:
 class Layer:
     """Parts each of which lies within the one before.
 
-    With coverages u1 >= u2 >= ... a cell under grey level g becomes g + u1 (p1 - g) + u2 (p2 - p1) + ...,
+    With coverages u1 >= u2 >= ... a cell under gray level g becomes g + u1 (p1 - g) + u2 (p2 - p1) + ...,
     which is exact also where rims of two parts coincide (the hidden side of a boss).
     """
 

@@ -1,6 +1,6 @@
 """A scene to an image: exact area sampling under the full lens model, blur, noise, rounding.
 
-Light adds up, so the image is split in two. Each pixel gets one grey level (its mean); those that a rim
+Light adds up, so the image is split in two. Each pixel gets one gray level (its mean); those that a rim
 crosses are also cut into cells, whose deviations from that mean are sent to the pixels around
 with the weights of lens and pixel. Away from rims nothing needs cells. What light a pixel gets:
 
@@ -145,7 +145,7 @@ def _shade(image: FloatArray, shading: Shading) -> None:
 
 
 def _flat_image(canvas: Canvas, background: Paint, stack: list[list[Traced]]) -> FloatArray:
-    """Return each pixel's grey level at its centre; right where no rim crosses it."""
+    """Return each pixel's gray level at its center; right where no rim crosses it."""
     image = np.full(canvas.shape, background.level, dtype=np.float64)
     if background.texture is not None:
         for index in chunks(np.ones(canvas.shape, dtype=np.bool_)):
@@ -164,7 +164,7 @@ def _flat_image(canvas: Canvas, background: Paint, stack: list[list[Traced]]) ->
 
 
 def _cell_levels(cells: Cells, background: Paint, stack: list[list[Traced]], index: PixelIndex) -> FloatArray:
-    """Return the grey levels (n, number, number) of `cells`, those of the pixels at `index`."""
+    """Return the gray levels (n, number, number) of `cells`, those of the pixels at `index`."""
     levels = np.full(cells.pixels.shape[:-1], background.level, dtype=np.float64)
     if background.texture is not None:
         levels += mottle(background.texture, cells.pixels)

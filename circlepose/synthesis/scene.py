@@ -1,6 +1,6 @@
 """What is to be rendered: a camera, targets, clutter and the flaws of an image. Frozen values, mm and px.
 
-Grey levels are on the scale 0 to 255 whatever the bit depth. Later covers earlier: background, then
+Gray levels are on the scale 0 to 255 whatever the bit depth. Later covers earlier: background, then
 `shapes`, `targets` and `occluders`, each in their order; depth is not compared.
 """
 
@@ -40,7 +40,7 @@ __all__ = [
 
 @dataclass(frozen=True, slots=True)
 class Shading:
-    """Relative illumination of the image plane, 1 at the image's centre; a linear gradient."""
+    """Relative illumination of the image plane, 1 at the image's center; a linear gradient."""
 
     right: float = 0.0
     """change from the left border to the right one: 0.2 is from 0.9 to 1.1"""
@@ -161,7 +161,7 @@ class CoaxialPart:
 
     @property
     def small_center_mm(self) -> FloatArray:
-        """(3,) centre of the small circle, camera frame."""
+        """(3,) center of the small circle, camera frame."""
         height = self.height_mm if self.form == "boss" else -self.height_mm
         return np.asarray(self.center_mm + height * self.normal)
 
@@ -193,7 +193,7 @@ class Scene:
     blur_px: float = 0.7
     """sigma of the lens's Gaussian; the pixel's own box comes on top"""
     noise_levels: float = 0.0
-    """standard deviation of the camera's noise, grey levels"""
+    """standard deviation of the camera's noise, gray levels"""
     noise_seed: int = 0
     bit_depth: Literal[8, 16] = 8
     name: str = "scene"

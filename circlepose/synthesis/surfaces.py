@@ -18,7 +18,7 @@ class Texture:
     """Smooth random mottle; the same seed gives the same pattern everywhere."""
 
     amplitude: float
-    """standard deviation, grey levels"""
+    """standard deviation, gray levels"""
     scale: float
     """size of the coarsest spots: mm on a plane, px in the image"""
     seed: int = 0
@@ -31,7 +31,7 @@ class Texture:
 
 @dataclass(frozen=True, slots=True)
 class Paint:
-    """The look of a surface: a grey level (0 to 255) and perhaps a texture."""
+    """The look of a surface: a gray level (0 to 255) and perhaps a texture."""
 
     level: float
     texture: Texture | None = None
@@ -76,7 +76,7 @@ class Box:
     size: tuple[float, float]
     """width and height"""
     at: tuple[float, float] = (0.0, 0.0)
-    """its centre"""
+    """its center"""
     angle: float = 0.0
     """rad, turn of its width from the first axis towards the second"""
     corner_radius: float = 0.0

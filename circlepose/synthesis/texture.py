@@ -18,7 +18,7 @@ _OCTAVES = ((1.0, 1.0), (0.5, 0.5))
 
 
 def mottle(texture: Texture, points: FloatArray) -> FloatArray:
-    """Return the texture's grey levels (...) at `points` (..., 2), in its unit; mean 0, twice differentiable.
+    """Return the texture's gray levels (...) at `points` (..., 2), in its unit; mean 0, twice differentiable.
 
     Value noise: a cubic B-spline through a lattice of uniform random numbers.
     """
@@ -47,7 +47,7 @@ def add_noise(image: FloatArray, sigma: float, seed: int) -> None:
 
 @lru_cache(maxsize=16)
 def _lattice(seed: int, octave: int) -> FloatArray:
-    """Return the lattice (period, period), scaled for one grey level of standard deviation after smoothing."""
+    """Return the lattice (period, period), scaled for one gray level of standard deviation after smoothing."""
     generator = np.random.Generator(np.random.PCG64([seed, octave]))
     uniform = 2.0 * generator.random((_PERIOD, _PERIOD)) - 1.0
     # Mean square of a cubic B-spline's weights over the cell, per axis: 151/315.

@@ -63,7 +63,7 @@ class Target:
     axis_intervals
         Accepted axes of the (largest) circle's image.
     depth_range_mm
-        Nearest and farthest depth of the centre: its z in the camera frame.
+        Nearest and farthest depth of the center: its z in the camera frame.
     same_plane
         Kind circle only: all circles found in an image lie in one plane, which settles their candidates. Formerly
         `coplanar`.

@@ -212,7 +212,7 @@ def test_a_truth_with_names_of_its_own_is_matched_by_centre(names):
     reference = truth(circle(0.0, name=names[0], instance=None), circle(90.0, name=names[1], instance=None))
     comparison = compare(table(circle(90.0, instance=0), circle(0.0, instance=1)), reference, EXACT)
     assert comparison.differences == ()
-    assert "centre alone" in comparison.notes[0]
+    assert "center alone" in comparison.notes[0]
 
 
 def test_what_the_truth_does_not_know_is_not_compared():
