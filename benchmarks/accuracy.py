@@ -1,4 +1,4 @@
-"""Errors of rendered discs against the bound that image noise sets, and whether the covariance told holds.
+"""Errors of rendered discs against the bound that image noise sets, and whether the reported covariance holds.
 
     python -m benchmarks.accuracy [--only sets|grid] [--cell NAME] [--views 16] [--draws N] [--worst NUMBER]
 
@@ -9,7 +9,7 @@ hold them; blur, noise, contrast, radius, shading and texture are varied, one at
 
 Errors are of the better candidate. The bound is that of `bound.py`; where it puts the tilt's standard deviation above
 half the tilt, first order does not hold, and the view counts in no ratio. NEES is e' C^-1 e with the covariance that
-the estimate tells, of the centre (3 expected) and of centre and tilts (5).
+the estimate reports, of the centre (3 expected) and of centre and tilts (5).
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ class Measured:
     nees: tuple[float, float] | None
     """of the centre, and with the tilts"""
     told: float
-    """standard deviation of the centre that is told, over its bound; NaN where none is"""
+    """standard deviation of the centre that is reported, over its bound; NaN where none is"""
     flags: tuple[Flag, ...]
 
     @property
@@ -208,7 +208,7 @@ COLUMNS = (
     "normal deg, median / 95th",
     "position / bound",
     "normal / bound",
-    "told / bound",
+    "sigma / bound",
     "NEES centre",
     "NEES pose",
     "beyond first order",

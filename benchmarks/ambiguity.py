@@ -4,11 +4,11 @@
 
 Rendered coplanar rings (radii 50 and 30 mm) and coaxial bosses and recesses (radii 45 and 30 mm, generatrix
 45.21 mm), tilted 0 to 75 deg. `near`: 400 to 1500 mm away, noise 2 grey levels. `far`: 1.5 to 6 m away, so that the
-largest circle has a radius of 9 to 40 px, noise 4 to 12 grey levels: there is little to tell the candidates apart.
+largest circle has a radius of 9 to 40 px, noise 4 to 12 grey levels: little distinguishes the candidates.
 Where the two candidates differ by less than a degree there is nothing to choose; those trials are counted apart,
 and so are recesses of which less than a fifth of the floor's rim is in sight: the big rim hides it from those who
-look in at a slant. *nees*: squared errors of centre and of normal relative to the covariance that is told, averaged,
-over 3 and 2: 1 where the covariance holds.
+look in at a slant. *nees*: squared errors of centre and of normal relative to the covariance that is reported,
+averaged, over 3 and 2: 1 where the covariance holds.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ BINS = (0.0, 1e-6, 1e-3, 0.01, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5001)
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """One view: the ambiguity told, whether the choice was right, the error and its NEES (centre, normal)."""
+    """One view: the ambiguity reported, whether the choice was right, the error and its NEES (centre, normal)."""
 
     told: float
     measured: Error
@@ -139,7 +139,7 @@ def main() -> None:
             f"| {nees[0]:.2f}, {nees[1]:.2f} |",
             flush=True,
         )
-    print("\n| variant | ambiguity told | trials | wrong, expected | wrong, found |\n|---|---|---|---|---|")
+    print("\n| variant | ambiguity reported | trials | wrong, expected | wrong, found |\n|---|---|---|---|---|")
     for variant, choices in told.items():
         chance = np.array([t.told for t in choices])
         wrong = np.array([not t.measured.chosen for t in choices])

@@ -11,8 +11,8 @@ OpenCV's HoughCircles and SimpleBlobDetector run with settings that suit small d
 hardly any. findCirclesGrid gets these blobs and the board's layout, without which it cannot run, and is tried plainly
 and then with CALIB_CB_CLUSTERING; it finds all discs or none, and as it gives no sizes, the place alone counts.
 EdgeDrawing of opencv-contrib and ringgrid are put into environments of their own (`environments.py`); what cannot be
-installed is left out, with a sentence. ringgrid is told a board of rings without code, since it has none of discs: of
-the board's layout where that is a symmetric grid, its own hexagonal one elsewhere. It does without the inner rims.
+installed is left out, with a sentence. ringgrid is given a board of rings without code, since it has none of discs:
+of the board's layout where that is a symmetric grid, its own hexagonal one elsewhere. It does without the inner rims.
 """
 
 from __future__ import annotations

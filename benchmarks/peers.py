@@ -10,8 +10,8 @@ better one.
 - scikit-image `find_contours`, at the true level midway between dark and light.
 - OpenCV contrib `EdgeDrawing.detectEllipses`.
 - pye3d `unproject_ellipse`, from the ellipse of scikit-image's contour.
-- ringgrid `detect_adaptive`, which looks for rings: on the discs, with the true diameter told, and on boards of 4 x 3
-  rings without code, the layout told, beside ours on the same boards.
+- ringgrid `detect_adaptive`, which looks for rings: on the discs, with the true diameter given, and on boards of
+  4 x 3 rings without code, the layout given, beside ours on the same boards.
 - napa-vision, which reads tags: a 36h11 tag as wide as the disc, in the disc's pose, turned in its plane at random;
   only where all of the tag is in the image. The row before it is ours on the discs of these views.
 """
@@ -110,7 +110,7 @@ def true_ellipse(camera: Camera, circle: Circle) -> Ellipse:
 
 
 def distance(ellipse: Ellipse, true: Ellipse) -> float:
-    """Tell how far two ellipses are apart, px."""
+    """Return how far two ellipses are apart, px."""
     return float(
         np.linalg.norm(ellipse.center - true.center)
         + abs(ellipse.semi_major - true.semi_major)
@@ -126,7 +126,7 @@ def nearest_ellipse(found: Sequence[Sequence[float]], true: Ellipse) -> Ellipse 
 
 
 def is_same(off: float, true: Ellipse) -> bool:
-    """Tell whether an ellipse so far off is still that rim, rather than another one or clutter."""
+    """Whether an ellipse so far off is still that rim, rather than another one or clutter."""
     return off < 0.5 * float(true.semi_major)
 
 

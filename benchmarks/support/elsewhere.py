@@ -2,7 +2,7 @@
 
     python elsewhere.py contour|edge-drawing|napa-cells|napa-poses|pye3d|ringgrid FOLDER
 
-Prints JSON: a list per file, of rows that start with the time in ms. What a way is told besides is in
+Prints JSON: a list per file, of rows that start with the time in ms. What a way is given besides is in
 FOLDER/options.json.
 """
 
@@ -36,7 +36,7 @@ def ringgrid(options: dict[str, Any]) -> Way:
     """ringgrid's outer ellipses: centre, semi-axes, angle (rad).
 
     `grid` is (pitch, rows, columns, outer and inner radius) of a board of rings without code; without it, the
-    package's own hexagonal board without code. `diameters` in px, by image, are told if there are any.
+    package's own hexagonal board without code. `diameters` in px, by image, are given if there are any.
     """
     from ringgrid import Detector, TargetLayout  # noqa: PLC0415
 

@@ -1,6 +1,6 @@
 """Packages that are compared with, each in a virtual environment of its own, which is thrown away afterwards.
 
-They are told images as .npy files in a folder and answer in JSON: for each image a list of rows that start with the
+They are given images as .npy files in a folder and answer in JSON: for each image a list of rows that start with the
 time taken in ms.
 """
 

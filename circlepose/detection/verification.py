@@ -20,8 +20,6 @@ from circlepose.targets.target import AxisIntervals
 
 REASONS = tuple(Rejection)
 
-_LEAST_AXES_PX = (6.0, 3.0)
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Candidates:

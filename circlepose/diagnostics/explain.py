@@ -14,6 +14,7 @@ from circlepose.detection.contour import Contour
 from circlepose.diagnostics.residuals import LevelResiduals, level_residuals, residuals_of_fit
 from circlepose.geometry.cone import factor_from_circle
 from circlepose.geometry.ellipse import Ellipse
+from circlepose.measurement.options import MeasurementOptions
 from circlepose.measurement.rim import EdgeRim, Rim
 from circlepose.pipeline import ESTIMATE_OPTIONS, EstimateOptions, Trace, estimate_with_trace
 from circlepose.results import CircleResult, ImageResult
@@ -107,29 +108,32 @@ def explain(
         name=name,
         options=options,
     )
-    numbers = [(circle, number) for circle in result.circles if (number := trace.number_of(circle)) is not None]
-    residuals = _residuals([circle for circle, _ in numbers], [number for _, number in numbers], trace)
+    numbered = [(circle, number) for circle in result.circles if (number := trace.number_of(circle)) is not None]
+    residuals = _residuals(numbered, trace, options.measurement)
     circles = tuple(
         ExplainedCircle(circle, trace.rims[number], trace.starts[number], levels)
-        for (circle, number), levels in zip(numbers, residuals, strict=True)
+        for (circle, number), levels in zip(numbered, residuals, strict=True)
     )
     return Explanation(result, len(trace.contours), circles, refine)
 
 
-def _residuals(circles: list[CircleResult], numbers: list[int], trace: Trace) -> list[LevelResiduals | None]:
-    """Return the residuals of each circle about its chosen pose, by the fit of its rim `numbers` in the trace."""
-    factors = {i: _factor(circle) for i, circle in enumerate(circles) if circle.candidates}
-    fits = {i: fit for i in factors if (fit := trace.fits[numbers[i]]) is not None}
+def _residuals(
+    numbered: list[tuple[CircleResult, int]], trace: Trace, options: MeasurementOptions
+) -> list[LevelResiduals | None]:
+    """Return the residuals of each circle about its chosen pose, by the fit of its rim, whose number is beside it."""
+    factors = {i: _factor(circle) for i, (circle, _) in enumerate(numbered) if circle.candidates}
+    fits = {i: fit for i in factors if (fit := trace.fits[numbered[i][1]]) is not None}
     unfitted = [i for i in factors if i not in fits]
     fitted_now = level_residuals(
         trace.levels,
         trace.camera,
-        [trace.rims[numbers[i]].ellipse for i in unfitted],
+        [trace.rims[numbered[i][1]].ellipse for i in unfitted],
         [factors[i] for i in unfitted],
+        options=options,
     )
     found = {i: residuals_of_fit(fit, factors[i]) for i, fit in fits.items()}
     found.update(zip(unfitted, fitted_now, strict=True))
-    return [found.get(i) for i in range(len(circles))]
+    return [found.get(i) for i in range(len(numbered))]
 
 
 def camera_of(result: ImageResult, camera: Camera) -> Camera:

@@ -14,6 +14,7 @@ from circlepose.fitting.cone_fit import ConeFit
 from circlepose.geometry.ellipse import Ellipse
 from circlepose.measurement import intensity_fit
 from circlepose.measurement.intensity_fit import LevelFit
+from circlepose.measurement.options import DEFAULT, MeasurementOptions
 from circlepose.measurement.rim import EdgeRim
 from circlepose.photometry.edge_spread import curved_edge_spread, straight_edge_spread
 from circlepose.photometry.intensity_model import DesignMatrix, fit_levels
@@ -83,7 +84,12 @@ class LevelResiduals:
 
 
 def level_residuals(
-    levels: Image, camera: Camera, ellipses: Sequence[Ellipse], factors: Sequence[FloatArray]
+    levels: Image,
+    camera: Camera,
+    ellipses: Sequence[Ellipse],
+    factors: Sequence[FloatArray],
+    *,
+    options: MeasurementOptions = DEFAULT,
 ) -> list[LevelResiduals | None]:
     """Fit the gray levels around rims that the estimate did not fit, and compare them with poses.
 
@@ -97,6 +103,8 @@ def level_residuals(
         (m) the rims in the raw image.
     factors
         (m) factors (3, 3) of the viewing cones of the poses.
+    options
+        The numbers of the measurement.
 
     Returns
     -------
@@ -106,7 +114,7 @@ def level_residuals(
         EdgeRim(ConeFit(factor, np.zeros(1)), ellipse.points(_POINTS), ellipse, 1.0, 1, 0.0)
         for ellipse, factor in zip(ellipses, factors, strict=True)
     ]
-    fits = intensity_fit.fit_levels(levels, camera, rims, keep_fits=True).fits
+    fits = intensity_fit.fit_levels(levels, camera, rims, keep_fits=True, options=options).fits
     return [None if fit is None else residuals_of_fit(fit, factor) for fit, factor in zip(fits, factors, strict=True)]
 
 

@@ -11,14 +11,8 @@ from dataclasses import replace
 import numpy as np
 
 from circlepose._typing import FloatArray
-from circlepose.disambiguation.hint_likelihoods import (
-    Decision,
-    common_plane,
-    decide,
-    facing,
-    rough_normal,
-    up_direction,
-)
+from circlepose.disambiguation.common_plane import common_plane
+from circlepose.disambiguation.hint_likelihoods import Decision, decide, facing, rough_normal, up_direction
 from circlepose.disambiguation.options import DEFAULT, DisambiguationOptions
 from circlepose.results import Candidate, CircleResult, Flag, SettledBy
 from circlepose.targets.hints import facing_direction

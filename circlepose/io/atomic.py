@@ -197,16 +197,30 @@ def on_behalf(name: str) -> Iterator[None]:
 
 @contextmanager
 def _layered(raw: io.RawIOBase, binary: bool) -> Iterator[IO[Any]]:
-    layer: IO[Any] = io.BufferedWriter(raw)
-    if not binary:
-        layer = io.TextIOWrapper(layer, encoding="utf-8", errors="surrogateescape", newline="")
+    buffered = io.BufferedWriter(raw)
     try:
-        yield layer
-        layer.flush()
+        if binary:
+            yield buffered
+        else:
+            with text_layer(buffered) as text:
+                yield text
+        buffered.flush()
+    finally:
+        with suppress(OSError, ValueError):
+            buffered.close()
+
+
+@contextmanager
+def text_layer(content: BinaryIO) -> Iterator[IO[str]]:
+    """Yield text to write into `content`, which stays open."""
+    text = io.TextIOWrapper(content, encoding="utf-8", errors="surrogateescape", newline="")
+    try:
+        yield text
+        text.flush()
     finally:
         # What could not be written must not be tried again when the layer is collected.
         with suppress(OSError, ValueError):
-            layer.close()
+            text.detach()
 
 
 def _keep_mode(raw: io.RawIOBase, place: Path) -> None:

@@ -14,7 +14,6 @@ from circlepose.errors import OutputError
 from circlepose.io.inputs.images import InputImage
 from circlepose.results import ImageResult, Status
 from circlepose.solvers import CIRCLE_METHODS
-from circlepose_cli.app import main
 from circlepose_cli.output.overlay_names import OverlayNames
 from tests.support.discs import CAMERA_YAML, CENTER_MM, RADIUS_MM, disc_folder, found_notes, write_disc
 from tests.support.processes import SETTLE
@@ -25,23 +24,6 @@ def _plain_environment(monkeypatch):
     for library in ("OPENBLAS", "OMP", "MKL"):
         monkeypatch.setenv(f"{library}_NUM_THREADS", "1")
     monkeypatch.delenv("CIRCLEPOSE_DEBUG", raising=False)
-
-
-@pytest.fixture
-def folder(tmp_path):
-    return disc_folder(tmp_path / "imgs")
-
-
-@pytest.fixture
-def run(capsys):
-    """Run a command line; returns exit code, standard output and standard error."""
-
-    def run_it(*args):
-        code = main([str(arg) for arg in args])
-        captured = capsys.readouterr()
-        return code, captured.out, captured.err
-
-    return run_it
 
 
 def rows_of(text):

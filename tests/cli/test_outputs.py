@@ -15,9 +15,7 @@ import pytest
 
 from circlepose.io.images.reader import read_image
 from circlepose.io.marks import bears_mark, is_drawn_file
-from circlepose_cli.app import main
-from tests.support.discs import disc_folder
-from tests.support.processes import COMMAND, environment, shell
+from tests.support.processes import COMMAND, SLOW, environment, shell
 
 SCENE = """
 camera: {fx: 400, fy: 400, cx: 79.5, cy: 59.5, image_size: [160, 120]}
@@ -27,21 +25,6 @@ views:
     targets:
       - {kind: disc, center_mm: [0, 0, 200], normal: [0, 0, -1], radius_mm: 20, level: 40}
 """
-
-
-@pytest.fixture
-def run(capsys):
-    def run_it(*args):
-        code = main([str(arg) for arg in args])
-        captured = capsys.readouterr()
-        return code, captured.out, captured.err
-
-    return run_it
-
-
-@pytest.fixture
-def folder(tmp_path):
-    return disc_folder(tmp_path / "imgs")
 
 
 def contents(folder):
@@ -287,22 +270,6 @@ def test_a_baseline_is_not_updated_from_itself(run, folder, tmp_path):
     assert code == 2
     assert "holds the poses" in err
     assert (tmp_path / "t.csv").read_bytes() == before
-
-
-SLOW = """
-import sys, time
-from circlepose.batch import measure as local
-measure = local.measure_file
-def measure_or_wait(item, options):
-    if item.name.endswith("disc0.png"):
-        return measure(item, options)
-    print("waiting", file=sys.stderr, flush=True)
-    for _ in range(600):
-        time.sleep(0.1)
-local.measure_file = measure_or_wait
-from circlepose_cli.entry import main
-sys.exit(main())
-"""
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

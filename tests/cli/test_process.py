@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from tests.support.discs import disc_folder, found_notes
-from tests.support.processes import COMMAND, GO_ON, SETTLE, environment, run
+from tests.support.processes import COMMAND, GO_ON, SETTLE, SLOW, environment, run
 
 
 @pytest.fixture(scope="module")
@@ -69,23 +69,6 @@ def test_a_reader_that_goes_away_is_no_failure(folder):
         assert process.stdout.readline().startswith("image,")
         process.stdout.close()
         assert (process.wait(timeout=60), process.stderr.read()) == (0, found_notes(folder))
-
-
-SLOW = """
-import sys, time
-from circlepose.batch import measure as local
-from circlepose_cli.app import main
-measure = local.measure_file
-def measure_or_wait(item, options):
-    if item.name.endswith("disc0.png"):
-        return measure(item, options)
-    print("waiting", file=sys.stderr, flush=True)
-    # Not in one piece: a signal on the way into a sleep does not end it.
-    for _ in range(600):
-        time.sleep(0.1)
-local.measure_file = measure_or_wait
-sys.exit(main())
-"""
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

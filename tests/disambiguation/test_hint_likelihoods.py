@@ -3,7 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from circlepose.disambiguation.hint_likelihoods import common_plane, decide, facing, rough_normal, up_direction
+from circlepose.disambiguation.common_plane import common_plane
+from circlepose.disambiguation.hint_likelihoods import decide, facing, rough_normal, up_direction
 from circlepose.errors import ArgumentError
 from circlepose.geometry.cone import factor_from_circle, plane_basis, principal_frame
 from circlepose.solvers.chen_huang import poses_from_frame

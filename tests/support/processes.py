@@ -14,6 +14,22 @@ SETTLE = "either pose may be the right one; give --facing, --normal or --up, or 
 GO_ON = "with -o FILE, an interrupted run can be continued with --resume\n"
 """what is said where a run to standard output is interrupted"""
 COMMAND = [sys.executable, "-m", "circlepose"]
+SLOW = """
+import sys, time
+from circlepose.batch import measure as local
+measure = local.measure_file
+def measure_or_wait(item, options):
+    if item.name.endswith("disc0.png"):
+        return measure(item, options)
+    print("waiting", file=sys.stderr, flush=True)
+    # Not in one piece: a signal on the way into a sleep does not end it.
+    for _ in range(600):
+        time.sleep(0.1)
+local.measure_file = measure_or_wait
+from circlepose_cli.entry import main
+sys.exit(main())
+"""
+"""The command, as a program for `python -c`, that says so and waits at every image but `disc0.png`."""
 
 
 def environment(**more: str) -> dict[str, str]:

@@ -6,11 +6,10 @@ What is to be at a URL stands in a folder of this machine until it is whole, and
 from __future__ import annotations
 
 import gzip
-import io
 import os
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any, BinaryIO
 
@@ -18,7 +17,7 @@ from circlepose.batch.journal import Journal
 from circlepose.batch.measure import MeasureOptions
 from circlepose.batch.resume import conditions, journal_path
 from circlepose.errors import UsageError
-from circlepose.io.atomic import atomic_writer, is_replaceable_file, refuse_foreign, remove_left_behind
+from circlepose.io.atomic import atomic_writer, is_replaceable_file, refuse_foreign, remove_left_behind, text_layer
 from circlepose.io.remote.images import Place, RemoteFile, place_of
 from circlepose.io.remote.output import stand_in, uploading_writer
 from circlepose_cli.output.results import is_compressed
@@ -74,14 +73,8 @@ def open_output(output: Place | None, *, binary: bool = False, overwrite: bool =
         if binary:
             yield content
             return
-        text = io.TextIOWrapper(content, encoding="utf-8", errors="surrogateescape", newline="")
-        try:
+        with text_layer(content) as text:
             yield text
-            text.flush()
-        finally:
-            # What could not be written must not be tried again when the layer is collected.
-            with suppress(OSError, ValueError):
-                text.detach()
 
 
 @contextmanager

@@ -1,0 +1,24 @@
+from __future__ import annotations
+
+import pytest
+
+from circlepose_cli.app import main
+from tests.support.discs import disc_folder
+
+
+@pytest.fixture
+def run(capsys):
+    """Run a command line; returns exit code, standard output and standard error."""
+
+    def run_it(*args):
+        code = main([str(arg) for arg in args])
+        captured = capsys.readouterr()
+        return code, captured.out, captured.err
+
+    return run_it
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A folder of images of a disc, with their camera and target."""
+    return disc_folder(tmp_path / "imgs")
