@@ -20,6 +20,7 @@ from circlepose.errors import CircleposeError
 from circlepose.io.text.escaping import printable, redacted
 from circlepose_cli.commands.camera import camera
 from circlepose_cli.commands.check import check
+from circlepose_cli.commands.demo import demo
 from circlepose_cli.commands.estimate import estimate
 from circlepose_cli.commands.explain import explain
 from circlepose_cli.commands.inspect import inspect
@@ -43,7 +44,7 @@ app = typer.Typer(
     no_args_is_help=True,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (estimate, check, inspect, explain, camera, render, statuses):
+for command in (demo, estimate, check, inspect, explain, camera, render, statuses):
     app.command()(command)
 app.add_typer(study)
 
