@@ -15,7 +15,7 @@ def demo(
     folder: Annotated[Path, typer.Argument(metavar="[DIR]", help="Folder to make.")] = Path("circlepose-demo"),
     verbose: declared.Verbose = False,
 ) -> None:
-    """Write an example image, measure it, and show what to do next.
+    """Write an example image and measure it.
 
     Needs no photograph, no calibration and no network. Writes a rendered image of two discs with its camera, target
     and true poses into DIR, measures it, and draws the result over the image.
