@@ -1,8 +1,8 @@
 from __future__ import annotations
 
 import csv
-import os
 import shlex
+from pathlib import Path
 
 import pytest
 
@@ -38,8 +38,7 @@ def test_each_next_command_of_the_demo_works(demo, run):
     for command in commands:
         if command[0] == "check":
             _, table, _ = run(*commands[0])
-            with open("poses.csv", "w", encoding="utf-8") as handle:
-                handle.write(table)
+            Path("poses.csv").write_text(table, encoding="utf-8")
             command[1] = "poses.csv"
         code, out, err = run(*command)
         assert code == 0, err
@@ -106,4 +105,4 @@ def test_the_demo_quotes_the_names_of_folders(run, tmp_path, monkeypatch, name):
     code, _, err = run("demo", name)
     assert code == 0
     assert f"circlepose estimate {shlex.quote(name)} --coplanar" in err
-    assert os.path.isfile(os.path.join(name, "overlay", "photo.png"))
+    assert (Path(name) / "overlay" / "photo.png").is_file()

@@ -114,7 +114,9 @@ def _outcome(call: Call, arguments: dict[str, object]) -> str:
         check_message(str(error))
         return type(error).__name__
     _check_finite(result)
-    return str(result.status) if getattr(result, "status", "ok") != "ok" else "read"
+    # A data frame has a column of that name.
+    status = getattr(result, "status", "ok")
+    return status if isinstance(status, str) and status != "ok" else "read"
 
 
 def check_message(message: str) -> None:
