@@ -24,9 +24,9 @@ _TRUTH = "truth.csv"
 _OVERLAY = "overlay"
 _BUG = 1
 _TWO_POSES = (
-    "A circle seen at an angle has two poses that fit its image equally well (ambiguity 0.500), so which of the two\n"
-    "rows of a disc is right is a coin flip. A second circle settles it: in the same plane, as a ring, or on the same\n"
-    "axis; so does a hint, such as --normal, --up or --facing."
+    "A circle seen at an angle has two poses that fit its image equally well: which of a disc's two rows is right is\n"
+    "a coin flip (ambiguity 0.5). A second circle settles it, in the same plane, as a ring or on the same axis; so does\n"
+    "a hint, such as --normal, --up or --facing."
 )
 
 
@@ -85,12 +85,13 @@ def _next_commands(folder: Path) -> list[tuple[str, str]]:
     """Return what each command does and how it is typed."""
     shown = shlex.quote(str(folder))
     photo = shlex.quote(str(folder / _PHOTO))
+    truth = shlex.quote(str(folder / _TRUTH))
     return [
         ("Look at the poses drawn over the image", shlex.quote(str(folder / _OVERLAY / _PHOTO))),
         ("Settle the two poses (both discs lie in one plane)", f"circlepose estimate {shown} --coplanar"),
         (
             "Compare with the true poses",
-            f"circlepose estimate {shown} --coplanar | circlepose check - --against {shlex.quote(str(folder / _TRUTH))}",
+            f"circlepose estimate {shown} --coplanar | circlepose check - --against {truth}",
         ),
         ("See what a pose rests on", f"circlepose explain {photo} --count all --coplanar"),
         ("Measure your own photographs", "circlepose estimate IMAGES --calib CAMERA --radius-mm R --overlay checked"),
