@@ -24,9 +24,9 @@ _TRUTH = "truth.csv"
 _OVERLAY = "overlay"
 _BUG = 1
 _TWO_POSES = (
-    "A circle seen at an angle has two poses that fit its image equally well: which of a disc's two rows is right is\n"
-    "a coin flip (ambiguity 0.5). A second circle settles it, in the same plane, as a ring or on the same axis; so does\n"
-    "a hint, such as --normal, --up or --facing."
+    "A circle seen at an angle has two poses that fit its image equally well: which of the two rows of a disc is\n"
+    "right is a coin flip (ambiguity 0.5). A second circle settles it, in the same plane, as a ring or on the same\n"
+    "axis; so does a hint, such as --normal, --up or --facing."
 )
 
 
