@@ -1,0 +1,87 @@
+"""The reference of the command line, from the program: a page a command, with its help and all its options."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from typing import Any
+
+import typer.main
+from circlepose_cli.app import app
+
+from sitegen.paths import write
+
+WIDTH = "100"
+INTRODUCTION = """# Command-line reference
+
+Made from the program: each command's `--help`, and each of its options with an address of its own. The guide to the same
+commands, with examples and the meaning of the columns, is [the command line](../../cli.md).
+
+"""
+
+
+def commands() -> Iterator[tuple[str, Any]]:
+    """Yield name and command of each that can be typed, such as `circlepose study noise`."""
+    yield from _below("circlepose", typer.main.get_command(app))
+
+
+def _below(name: str, command: Any) -> Iterator[tuple[str, Any]]:
+    yield name, command
+    for part, below in getattr(command, "commands", {}).items():
+        if not below.hidden:
+            yield from _below(f"{name} {part}", below)
+
+
+def options(command: Any) -> Iterator[Any]:
+    """Yield the options that a person may give."""
+    yield from (each for each in command.params if each.param_type_name == "option" and not each.hidden)
+
+
+def spellings(option: Any) -> str:
+    """Return all names of an option with what follows them, such as `-o, --output FILE`."""
+    if option.is_flag:
+        return ", ".join((*option.opts, *option.secondary_opts))
+    return f"{', '.join(option.opts)} {metavar(option)}"
+
+
+def metavar(option: Any) -> str:
+    """Return what stands for the value of an option."""
+    choices = getattr(option.type, "choices", None)
+    if option.metavar is None and choices:
+        return "|".join(str(getattr(each, "value", each)) for each in choices)
+    return str(option.metavar or option.type.name).upper() if option.metavar is None else str(option.metavar)
+
+
+def help_text(name: str) -> str:
+    """Return what `NAME --help` prints."""
+    environment = {**os.environ, "COLUMNS": WIDTH, "NO_COLOR": "1", "TERM": "dumb"}
+    typed = [sys.executable, "-m", *name.split(), "--help"]
+    return subprocess.run(typed, env=environment, capture_output=True, text=True, check=True, encoding="utf-8").stdout
+
+
+def page(name: str, command: Any, *, below: list[str]) -> str:
+    """Return the page of one command."""
+    parts = [f"# {name}\n", f"```text\n{help_text(name).strip()}\n```\n", f"```{{program}} {name}\n```\n"]
+    parts += [f"```{{option}} {spellings(option)}\n{' '.join(option.help.split())}\n```\n" for option in options(command)]
+    if below:
+        parts.append("```{toctree}\n" + "\n".join(below) + "\n```\n")
+    return "\n".join(parts)
+
+
+def write_pages() -> None:
+    """Write a page for each command and one that lists them."""
+    found = list(commands())
+    names = [name for name, _ in found]
+    for name, command in found[1:]:
+        below = [file_name(other) for other in names if other.startswith(name + " ")]
+        write(f"commands/{file_name(name)}.md", page(name, command, below=below))
+    first = [file_name(name) for name in names if name.count(" ") == 1]
+    text = page(*found[0], below=first).removeprefix("# circlepose\n")
+    write("commands/index.md", INTRODUCTION + text)
+
+
+def file_name(name: str) -> str:
+    """Return the name of a command's page."""
+    return "-".join(name.split()[1:])

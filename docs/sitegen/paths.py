@@ -1,0 +1,18 @@
+"""Where things are in the checkout and in the site's sources."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+DOCS = Path(__file__).resolve().parents[1]
+ROOT = DOCS.parent
+GENERATED = DOCS / "generated"
+"""Pages and pictures that the build makes; git ignores them."""
+
+
+def write(name: str, text: str) -> None:
+    """Write a generated page; an unchanged one keeps its time, so that Sphinx does not read it again."""
+    path = GENERATED / name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if not path.is_file() or path.read_text(encoding="utf-8") != text:
+        path.write_text(text, encoding="utf-8")
