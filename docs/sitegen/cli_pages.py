@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -34,24 +35,13 @@ def _below(name: str, command: Any) -> Iterator[tuple[str, Any]]:
             yield from _below(f"{name} {part}", below)
 
 
-def options(command: Any) -> Iterator[Any]:
-    """Yield the options that a person may give."""
-    yield from (each for each in command.params if each.param_type_name == "option" and not each.hidden)
-
-
-def spellings(option: Any) -> str:
-    """Return all names of an option with what follows them, such as `-o, --output FILE`."""
-    if option.is_flag:
-        return ", ".join((*option.opts, *option.secondary_opts))
-    return f"{', '.join(option.opts)} {metavar(option)}"
-
-
-def metavar(option: Any) -> str:
-    """Return what stands for the value of an option."""
-    choices = getattr(option.type, "choices", None)
-    if option.metavar is None and choices:
-        return "|".join(str(getattr(each, "value", each)) for each in choices)
-    return str(option.metavar or option.type.name).upper() if option.metavar is None else str(option.metavar)
+def records(command: Any) -> Iterator[tuple[str, str]]:
+    """Yield each option as the help lists it: all its names with what follows them, and its meaning."""
+    context = command.context_class(command, help_option_names=["-h", "--help"])
+    for parameter in command.get_params(context):
+        record = parameter.get_help_record(context) if parameter.param_type_name == "option" else None
+        if record is not None:
+            yield " ".join(record[0].split()), " ".join(record[1].split())
 
 
 def help_text(name: str) -> str:
@@ -64,10 +54,15 @@ def help_text(name: str) -> str:
 def page(name: str, command: Any, *, below: list[str]) -> str:
     """Return the page of one command."""
     parts = [f"# {name}\n", f"```text\n{help_text(name).strip()}\n```\n", f"```{{program}} {name}\n```\n"]
-    parts += [f"```{{option}} {spellings(option)}\n{' '.join(option.help.split())}\n```\n" for option in options(command)]
+    parts += [f"```{{option}} {spelled}\n```\n\n{escaped(meaning)}\n" for spelled, meaning in records(command)]
     if below:
         parts.append("```{toctree}\n" + "\n".join(below) + "\n```\n")
     return "\n".join(parts)
+
+
+def escaped(text: str) -> str:
+    """Return a plain sentence as Markdown that shows it as it is."""
+    return re.sub(r"([\\`*_<>\[\]{}|#])", r"\\\1", text)
 
 
 def write_pages() -> None:

@@ -42,11 +42,16 @@ def write_pictures(folder: Path) -> list[Path]:
     return written
 
 
-def write_png(path: Path, image: Image, width: int = 800) -> Path:
-    """Write a picture for a page: not wider than `width`, in steps of 8 levels, which halves a PNG of smooth edges."""
-    if image.shape[1] > width:
-        size = (width, round(image.shape[0] * width / image.shape[1]))
-        image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
-    steps = (image & 0xF8) | 0x04
+def write_png(path: Path, image: Image) -> Path:
+    """Write a picture for a page, in steps of 8 levels, which halves a PNG of smooth edges."""
+    steps = (at_most(800, image) & 0xF8) | 0x04
     path.write_bytes(cv2.imencode(".png", steps, [cv2.IMWRITE_PNG_COMPRESSION, 9])[1].tobytes())
     return path
+
+
+def at_most(width: int, image: Image) -> Image:
+    """Return a picture that is not wider than `width` px."""
+    if image.shape[1] <= width:
+        return image
+    size = (width, round(image.shape[0] * width / image.shape[1]))
+    return cv2.resize(image, size, interpolation=cv2.INTER_AREA)
