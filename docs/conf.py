@@ -20,8 +20,6 @@ version = release = __version__
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 exclude_patterns = ["_build", "sitegen", "notebooks", "pictures"]
-# A page that the table of contents names with a star may be absent.
-suppress_warnings = ["toc.empty_glob"]
 myst_heading_anchors = 4
 # In docstrings, `name` is code.
 default_role = "literal"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import logging
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from nbclient import NotebookClient
 from sitegen.links import for_site
 from sitegen.paths import DOCS, GENERATED, ROOT, write
 
+logging.getLogger("traitlets").setLevel(logging.WARNING)
 NOTEBOOKS = DOCS / "notebooks"
 CELL_TIMEOUT_S = 300
 

@@ -11,8 +11,7 @@ GENERATED = DOCS / "generated"
 
 
 def write(name: str, text: str) -> None:
-    """Write a generated page; an unchanged one keeps its time, so that Sphinx does not read it again."""
+    """Write a generated page."""
     path = GENERATED / name
     path.parent.mkdir(parents=True, exist_ok=True)
-    if not path.is_file() or path.read_text(encoding="utf-8") != text:
-        path.write_text(text, encoding="utf-8")
+    path.write_text(text, encoding="utf-8")

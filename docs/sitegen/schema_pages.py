@@ -9,7 +9,7 @@ from typing import Any
 
 import circlepose
 
-from sitegen.paths import GENERATED, write
+from sitegen.paths import write
 
 INTRODUCTION = """# JSON Schemas of what is written
 
@@ -34,9 +34,6 @@ def write_pages() -> None:
         write(f"schemas/{path.stem}.md", page(path.name, schema))
     if files:
         text += "```{toctree}\n" + "\n".join(path.stem for path in files) + "\n```\n"
-    for page_of_none in (GENERATED / "schemas").glob("*.md"):
-        if page_of_none.stem not in {"index", *(path.stem for path in files)}:
-            page_of_none.unlink()
     write("schemas/index.md", text)
 
 
