@@ -1,4 +1,4 @@
-"""Checks every link of a built site that stays in it: `python docs/check_links.py docs/_build/html`. Needs no network."""
+"""Checks the links within a built site, offline: `python docs/check_links.py docs/_build/html`."""
 
 from __future__ import annotations
 

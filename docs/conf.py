@@ -24,9 +24,14 @@ myst_heading_anchors = 4
 # In docstrings, `name` is code.
 default_role = "literal"
 highlight_language = "text"
+# Else -- of an option becomes a dash.
+smartquotes = False
 
 autodoc_typehints = "signature"
 autodoc_class_signature = "mixed"
+autodoc_preserve_defaults = True
+# Named as the code names them; they are arrays of NumPy.
+autodoc_type_aliases = {name: name for name in ("BoolArray", "FloatArray", "Image", "IntArray")}
 python_use_unqualified_type_names = True
 python_maximum_signature_line_length = 100
 napoleon_google_docstring = False
@@ -39,7 +44,7 @@ html_show_copyright = False
 html_show_sphinx = False
 
 
-def _with_links_of_the_site(app: Sphinx, name: str, source: list[str]) -> None:
+def _with_links_of_the_site(_: Sphinx, name: str, source: list[str]) -> None:
     if not name.startswith("generated/"):
         source[0] = links.for_site(source[0], f"docs/{name}.md")
 

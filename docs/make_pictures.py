@@ -1,4 +1,4 @@
-"""Makes the pictures of docs/pictures anew, which README and the pages show on GitHub: `python docs/make_pictures.py`."""
+"""Makes docs/pictures anew, which README and pages show on GitHub: `python docs/make_pictures.py`."""
 
 from __future__ import annotations
 
@@ -9,4 +9,4 @@ for path in write_pictures(DOCS / "pictures"):
     size = path.stat().st_size
     print(f"{path.relative_to(DOCS.parent)}: {size / 1000:.0f} kB")
     if size > LARGEST_BYTES:
-        raise SystemExit(f"{path.name}: has more than {LARGEST_BYTES / 1000:.0f} kB; render it smaller or with less noise.")
+        raise SystemExit(f"{path.name}: is over {LARGEST_BYTES / 1000:.0f} kB; render it smaller or with less noise.")

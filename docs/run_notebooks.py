@@ -1,4 +1,4 @@
-"""Runs the notebooks of docs/notebooks, each in a fresh kernel: `python docs/run_notebooks.py`. Needs the extra `docs`."""
+"""Runs docs/notebooks, each in a fresh kernel: `python docs/run_notebooks.py`. Needs the extra `docs`."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import sys
 import time
 
 from nbclient.exceptions import CellExecutionError
+
 from sitegen.notebooks import NOTEBOOKS, executed
 
 failed = 0

@@ -10,15 +10,15 @@ from collections.abc import Iterator
 from typing import Any
 
 import typer.main
-from circlepose_cli.app import app
 
+from circlepose_cli.app import app
 from sitegen.paths import write
 
 WIDTH = "100"
 INTRODUCTION = """# Command-line reference
 
-Made from the program: each command's `--help`, and each of its options with an address of its own. The guide to the same
-commands, with examples and the meaning of the columns, is [the command line](../../cli.md).
+Made from the program: each command's `--help`, and each of its options with an address of its own. The guide to the
+same commands, with examples and the meaning of the columns, is [the command line](../../cli.md).
 
 """
 
@@ -52,11 +52,15 @@ def help_text(name: str) -> str:
 
 
 def page(name: str, command: Any, *, below: list[str]) -> str:
-    """Return the page of one command."""
-    parts = [f"# {name}\n", f"```text\n{help_text(name).strip()}\n```\n", f"```{{program}} {name}\n```\n"]
+    """Return the page of one command: what its help prints, then each option, then the commands below it."""
+    text = f"# {name}\n\n```text\n{help_text(name).strip()}\n```\n\n" + option_list(name, command)
+    return text + ("\n```{toctree}\n:maxdepth: 1\n\n" + "\n".join(below) + "\n```\n" if below else "")
+
+
+def option_list(name: str, command: Any) -> str:
+    """Return all options of a command, each with an address of its own."""
+    parts = [f"```{{program}} {name}\n```\n"]
     parts += [f"```{{option}} {spelled}\n```\n\n{escaped(meaning)}\n" for spelled, meaning in records(command)]
-    if below:
-        parts.append("```{toctree}\n" + "\n".join(below) + "\n```\n")
     return "\n".join(parts)
 
 

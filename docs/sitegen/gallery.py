@@ -14,16 +14,17 @@ import cv2
 from sitegen.paths import GENERATED, ROOT, write
 from sitegen.pictures import at_most
 
-TITLES = {
-    "cd": "A compact disc in three views",
-    "clutter": "Four discs among shapes that are no circles",
-    "coaxial": "A boss: two circles on one axis",
-    "coplanar": "A ring: two circles in one plane",
+SECTIONS = {
+    "cd": ("A compact disc in three views", ""),
+    "clutter": ("Four discs on a plate, among shapes that are no circles", " --coplanar"),
+    "coaxial": ("A boss: two circles on one axis", ""),
+    "coplanar": ("A ring: two circles in one plane", ""),
 }
+"""Of a folder: the title, and options for the command."""
 INTRODUCTION = """# Gallery
 
-The sample images that come with the source, in `sample_images/`: rendered, with exact truth. Tables and pictures on this page were
-made by the commands above them when the page was built.
+The sample images that come with the source, in `sample_images/`: rendered, with exact truth. Tables and pictures on
+this page were made by the commands above them when the page was built.
 
 """
 TERMINAL = {"COLUMNS": "120", "NO_COLOR": "1", "TERM": "dumb"}
@@ -37,10 +38,11 @@ def write_pages() -> None:
 
 def section(folder: Path) -> str:
     """Return the part of the page on one folder, and draw its overlays."""
-    command = f"circlepose estimate sample_images/{folder.name} --format table --overlay"
+    title, options = SECTIONS.get(folder.name, (folder.name, ""))
+    command = f"circlepose estimate sample_images/{folder.name}{options} --format table --overlay"
     with TemporaryDirectory() as temporary:
         printed = output_of(f"{command} {shlex.quote(temporary)} --quiet")
-        parts = [f"## {TITLES.get(folder.name, folder.name)}\n", f"```console\n$ {command} overlays\n{printed}```\n"]
+        parts = [f"## {title}\n", f"```console\n$ {command} overlays\n{printed}```\n"]
         for overlay in sorted(Path(temporary).iterdir()):
             picture = Path("pictures") / f"sample-{folder.name}-{overlay.stem}.jpg"
             (GENERATED / picture).parent.mkdir(parents=True, exist_ok=True)

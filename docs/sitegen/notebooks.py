@@ -30,7 +30,9 @@ def write_pages() -> None:
     for path in sorted(NOTEBOOKS.glob("*.ipynb")):
         name = path.relative_to(ROOT).as_posix()
         parts = [for_site(part, name) for part in page(executed(path), path.stem)]
-        parts.insert(1, f"The notebook is [{path.name}](https://github.com/circlepose/circlepose/blob/main/{name}).\n")
+        parts.insert(
+            1, f"The notebook is [{path.name}](https://github.com/circlepose/circlepose/blob/main/{name}).\n"
+        )
         write(f"notebooks/{path.stem}.md", "\n".join(parts))
 
 

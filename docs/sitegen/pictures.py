@@ -6,12 +6,12 @@ from dataclasses import replace
 from importlib.resources import as_file, files
 from pathlib import Path
 
-import circlepose
 import cv2
+
+import circlepose
 from circlepose._typing import Image
 from circlepose.io.scenes.reader import read_scenes
 from circlepose.synthesis.render import render
-
 from sitegen.paths import DOCS
 
 SCENES = ("disc", "hint", "ring", "coaxial", "plane")

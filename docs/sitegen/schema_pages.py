@@ -8,13 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import circlepose
-
 from sitegen.paths import write
 
 INTRODUCTION = """# JSON Schemas of what is written
 
-Every JSON that circlepose writes names its schema in the key `schema`, such as `circlepose.poses/1`. The schemas are shipped with
-the package, in `circlepose/schemas/`.
+Every JSON that circlepose writes names its schema in the key `schema`, such as `circlepose.poses/1`. The schemas are
+shipped with the package, in `circlepose/schemas/`.
 
 """
 
@@ -33,7 +32,7 @@ def write_pages() -> None:
         write(f"schemas/{path.name}", path.read_text(encoding="utf-8"))
         write(f"schemas/{path.stem}.md", page(path.name, schema))
     if files:
-        text += "```{toctree}\n" + "\n".join(path.stem for path in files) + "\n```\n"
+        text += "```{toctree}\n:maxdepth: 1\n\n" + "\n".join(path.stem for path in files) + "\n```\n"
     write("schemas/index.md", text)
 
 
@@ -47,6 +46,8 @@ def page(file_name: str, schema: dict[str, Any]) -> str:
         parts.append(f"## {title}\n" if title else "")
         if title and "description" in node:
             parts.append(node["description"] + "\n")
+        others = [type_name(each) for each in (node, *node.get("allOf", [])) if "$ref" in each]
+        parts.append(f"All keys of {' and '.join(others)}, and:\n" if others else "")
         parts.append(table(node))
     parts.append(f"## The schema\n\n```{{literalinclude}} {file_name}\n:language: json\n```\n")
     return "\n".join(parts)
@@ -67,14 +68,17 @@ def table(node: dict[str, Any], prefix: str = "") -> str:
 
 
 def _rows(node: dict[str, Any], prefix: str) -> Iterator[str]:
-    needed = node.get("required", [])
     for key, value in node.get("properties", {}).items():
-        meaning = " ".join(str(value.get("description", "")).split()).replace("|", r"\|")
-        optional = "" if key in needed else " (may be absent)"
-        yield f"| `{prefix}{key}` | {type_name(value)} | {meaning}{optional} |"
-        inner = value.get("items", value) if isinstance(value.get("items", value), dict) else value
-        if "properties" in inner:
-            yield from _rows(inner, f"{prefix}{key}{'[]' if inner is not value else ''}.")
+        words = str(value.get("description", "")).split() if isinstance(value, dict) else []
+        if key not in node.get("required", []):
+            words.append("(may be absent)")
+        meaning = " ".join(words).replace("|", r"\|")
+        yield f"| `{prefix}{key}` | {type_name(value)} | {meaning} |"
+        items = value.get("items") if isinstance(value, dict) else None
+        if isinstance(items, dict):
+            yield from _rows(items, f"{prefix}{key}[].")
+        elif isinstance(value, dict):
+            yield from _rows(value, f"{prefix}{key}.")
 
 
 def type_name(value: object) -> str:
@@ -86,7 +90,7 @@ def type_name(value: object) -> str:
     if "const" in value:
         return f"`{json.dumps(value['const'])}`"
     if "enum" in value:
-        return ", ".join(f"`{json.dumps(each)}`" for each in value["enum"])
+        return ", ".join(f"`{json.dumps(each)}`" for each in value["enum"]).replace("|", r"\|")
     for several in ("anyOf", "oneOf"):
         if several in value:
             return " or ".join(dict.fromkeys(type_name(each) for each in value[several]))
