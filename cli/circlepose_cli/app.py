@@ -24,6 +24,7 @@ from circlepose_cli.commands.estimate import estimate
 from circlepose_cli.commands.explain import explain
 from circlepose_cli.commands.inspect import inspect
 from circlepose_cli.commands.render import render
+from circlepose_cli.commands.schema import schema
 from circlepose_cli.commands.statuses import statuses
 from circlepose_cli.commands.study import study
 from circlepose_cli.console import process
@@ -43,7 +44,7 @@ app = typer.Typer(
     no_args_is_help=True,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (estimate, check, inspect, explain, camera, render, statuses):
+for command in (estimate, check, inspect, explain, camera, render, statuses, schema):
     app.command()(command)
 app.add_typer(study)
 

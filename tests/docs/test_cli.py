@@ -73,7 +73,7 @@ def test_statuses_explains_all_of_them(capsys):
 
 @pytest.mark.parametrize(
     "command",
-    ["camera configs/calibration/opencv.yaml", "inspect sample_images/coplanar/b.png --rings", "statuses"],
+    ["camera configs/calibration/opencv.yaml", "inspect sample_images/coplanar/b.png --rings", "statuses", "schema"],
 )
 def test_sample_output_in_the_manual_is_what_is_printed(manual, command, capsys, monkeypatch, project_root):
     monkeypatch.chdir(project_root)
