@@ -30,12 +30,14 @@ from circlepose_cli.commands.study import study
 from circlepose_cli.console import process
 from circlepose_cli.console.installation import broken_package
 from circlepose_cli.console.streams import standard_streams
+from circlepose_cli.options.plain_messages import PlainGroup
 
 BUG = 1
 ENVIRONMENT = 2
 
 app = typer.Typer(
     name="circlepose",
+    cls=PlainGroup,
     help="Center (mm) and unit normal of every circle of known radius, from calibrated photographs.",
     # Rich help makes the start as slow as importing OpenCV.
     rich_markup_mode=None,
