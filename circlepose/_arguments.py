@@ -111,6 +111,9 @@ def numbers(
 def float_array(name: str, value: object, expected: str, error: type[CircleposeError] = ArgumentError) -> FloatArray:
     """Return `value` (...), real numbers in an array or in nested sequences, as float64."""
     refused = error(f"{name}: expected {expected}, got {shown(value)}.")
+    if value is None:
+        # NumPy would take it for NaN.
+        raise refused
     try:
         array = np.asarray(value)
         if array.dtype.kind in "biufO":
@@ -119,6 +122,16 @@ def float_array(name: str, value: object, expected: str, error: type[CircleposeE
     except Exception as reason:  # whatever the conversion of an object raises
         raise refused from reason
     raise refused
+
+
+def vectors(name: str, value: object, expected: str, count: int) -> FloatArray:
+    """Return `value` if it is an array (..., count) of real numbers, or as one if it is nested sequences."""
+    if isinstance(value, np.ndarray) and value.dtype.kind in "iuf" and value.shape[-1:] == (count,):
+        return value
+    array = float_array(name, value, expected)
+    if array.shape[-1:] != (count,):
+        raise ArgumentError(f"{name}: expected {expected}, got {shown(value)}.")
+    return array
 
 
 def length_mm(name: str, value: object, expected: str, error: type[CircleposeError] = ArgumentError) -> float:

@@ -21,9 +21,17 @@ for name in ("tests", "benchmarks"):
 import pytest  # noqa: E402
 from hypothesis import settings  # noqa: E402
 
+from tests.support.json_outputs import check_captured  # noqa: E402
+
 # A machine under load is slow, and a law that holds must hold for the same examples at every run of CI.
 settings.register_profile("circlepose", deadline=None, derandomize="CI" in os.environ)
 settings.load_profile("circlepose")
+
+
+@pytest.fixture(autouse=True)
+def _printed_json_is_valid(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever JSON the program prints in a test is what its schema says."""
+    check_captured(monkeypatch)
 
 
 @pytest.fixture(scope="session")

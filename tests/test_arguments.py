@@ -15,13 +15,16 @@ from hypothesis import strategies as st
 
 import circlepose
 from benchmarks.support.fuzz.arguments import check_message, unfuzzed
-from circlepose import Camera, CameraSigma, CircleposeError, DirectionHint, Target
+from circlepose import Camera, CameraSigma, CircleposeError, Cone, ConeKind, DirectionHint, Ellipse, Target
 from circlepose._arguments import LENGTHS_MM, shown
 from circlepose.errors import ArgumentError, CalibrationError, TargetError
+from circlepose.geometry.cone import factor_from_circle
 
 MATRIX = [[60.0, 0.0, 31.5], [0.0, 60.0, 23.5], [0.0, 0.0, 1.0]]
 CAMERA = Camera.create(MATRIX, (), (64, 48))
+FISHEYE = Camera.create(MATRIX, (0.1, 0.0, 0.0, 0.0), (64, 48), "fisheye")
 TARGET = Target.circle(20.0)
+CONE = Cone(factor_from_circle(np.array([0.0, 0.0, 100.0]), np.array([0.0, 0.0, -1.0]), 20.0), ConeKind.RIGHT)
 IMAGE = np.full((48, 64), 90, np.uint8)
 CONTOUR = cv2.ellipse2Poly((30, 24), (15, 11), 20, 0, 360, 5)
 
@@ -39,6 +42,36 @@ def create(**changed: object) -> object:
 def target(**changed: object) -> object:
     given_: dict[str, object] = {"kind": "circle", "radii_mm": (20.0,), **changed}
     return Target(**given_)  # type: ignore[arg-type]
+
+
+def ellipse(**changed: object) -> object:
+    given_: dict[str, object] = {name: np.zeros(()) for name in ("semi_major", "semi_minor", "angle")}
+    return Ellipse(**{"center": np.zeros(2), **given_, **changed})  # type: ignore[arg-type]
+
+
+def rim_points(**changed: object) -> object:
+    return ellipse().points(**changed)  # type: ignore[attr-defined]
+
+
+def project(**changed: object) -> object:
+    return [CAMERA.project(**changed), CAMERA.project_with_jacobian(**changed)]  # type: ignore[arg-type]
+
+
+def rays(**changed: object) -> object:
+    return [camera.rays(**changed) for camera in (CAMERA, FISHEYE)]  # type: ignore[arg-type]
+
+
+def rays_with_jacobian(**changed: object) -> object:
+    return [camera.rays_with_jacobian(**changed) for camera in (CAMERA, FISHEYE)]  # type: ignore[arg-type]
+
+
+def scaled(**changed: object) -> object:
+    return CAMERA.scaled_to(**changed)  # type: ignore[arg-type]
+
+
+def modes_of(**changed: object) -> object:
+    circle = {"center": (0.0, 0.0, 100.0), "normal": (0.0, 0.0, -1.0), "radius_mm": 20.0}
+    return CONE.modes_of(**{**circle, **changed})  # type: ignore[arg-type]
 
 
 def from_contour(**changed: object) -> object:
@@ -77,6 +110,17 @@ def from_contour(**changed: object) -> object:
         ),
         (create, "dist_coeffs", [None, "x", [1.0], [np.nan] * 4, [1e300] * 4, [[], [1.0]]], CalibrationError),
         (create, "image_size", [(512,), 512, "ab", (0, 5), (1.5, 2), (np.nan, 5), (10**400, 5)], CalibrationError),
+        (ellipse, "center", [None, [1.0, 2.0], "x", 3.0, np.zeros(3), np.zeros(())], ArgumentError),
+        (ellipse, "semi_major", [None, [1.0], "x", 3.0], ArgumentError),
+        (ellipse, "angle", [None, [1.0], 0], ArgumentError),
+        (rim_points, "number", [None, 0, -1, 1.5, "many", True], ArgumentError),
+        (project, "points", [None, "x", 3.0, [1.0, 2.0], [[1, 2, 3], [1]], np.zeros(2), [1j, 0, 1]], ArgumentError),
+        (rays, "pixels", [None, "x", 3.0, [1.0, 2.0, 3.0], [[1, 2], [1]], np.zeros((2, 3)), [1j, 0]], ArgumentError),
+        (rays_with_jacobian, "pixels", [None, "x", [], np.zeros(3)], ArgumentError),
+        (scaled, "image_size", [None, 640, "ab", (1, 2, 3), (0, 0), (640.5, 480), (np.nan, 1)], CalibrationError),
+        (modes_of, "center", [None, "x", 3.0, (1.0, 2.0), (1.0, 2.0, np.nan), CONTOUR], ArgumentError),
+        (modes_of, "normal", [None, "x", (0.0, 0.0, 0.0), (0.0, 0.0, 2.0), (0.0, 1.0), (0, 0, 1e300)], ArgumentError),
+        (modes_of, "radius_mm", [None, "6cm", 0.0, -1.0, np.nan, (20.0,)], ArgumentError),
         (create, "model", [None, "Pinhole", ["pinhole"]], CalibrationError),
         (create, "sigma", [None, 0.1, (0.1, 0.1)], CalibrationError),
         (target, "kind", [None, "disc", np.array(["circle"])], TargetError),
@@ -152,6 +196,21 @@ def test_what_numpy_calls_a_number_or_a_truth_is_one() -> None:
     assert Target.circle(20, count="all").count is None  # type: ignore[arg-type]
     assert Camera.create(MATRIX, image_size=np.array([64, 48])).image_size == (64, 48)
     assert estimate(refine=np.False_).status == estimate(refine=False).status  # type: ignore[attr-defined]
+
+
+def test_lists_are_arrays_wherever_arrays_are_taken() -> None:
+    points, pixels = [[0.0, 1.0, 50.0], [2.0, 3.0, 60.0]], [[10, 20], [30, 40]]
+    for camera in (CAMERA, FISHEYE):
+        assert np.array_equal(camera.project(points), camera.project(np.array(points)))  # type: ignore[arg-type]
+        assert np.array_equal(camera.rays(pixels), camera.rays(np.array(pixels)))  # type: ignore[arg-type]
+        for ours, theirs in zip(
+            camera.rays_with_jacobian(pixels),  # type: ignore[arg-type]
+            camera.rays_with_jacobian(np.array(pixels)),
+            strict=True,
+        ):
+            assert np.array_equal(ours, theirs)
+    assert CAMERA.scaled_to([128, 96]).image_size == (128, 96)  # type: ignore[arg-type]
+    assert modes_of() == pytest.approx(np.zeros(5), abs=1e-12)
 
 
 def test_a_camera_made_without_create_is_checked_too() -> None:

@@ -74,6 +74,10 @@ class Camera:
         if matrix.shape == (3, 3) and matrix[2, 2] not in (0.0, 1.0):
             with np.errstate(over="ignore", invalid="ignore"):
                 matrix = matrix / matrix[2, 2]
+        if dist_coeffs is None:
+            raise CalibrationError(
+                "dist_coeffs: expected numbers, got None; leave it out for a lens without distortion."
+            )
         coefficients = _arguments.float_array("dist_coeffs", dist_coeffs, "numbers", CalibrationError).ravel()
         return cls(frozen(matrix), frozen(coefficients), image_size, model, sigma)
 
@@ -110,23 +114,29 @@ class Camera:
         return self.model == "pinhole" and not self.dist_coeffs.any()
 
     def project(self, points: FloatArray) -> FloatArray:
-        """Project camera-frame `points` (..., 3) to pixels (..., 2); NaN behind or beyond the lens model."""
+        """Project camera-frame `points` (..., 3) to pixels (..., 2); NaN behind or beyond the lens model.
+
+        Raises `ArgumentError` on what is no such array.
+        """
         if self.model == "fisheye":
             return self.project_with_jacobian(points)[0]
-        u, v = lens.project_pinhole(points, self.dist_coeffs)
+        u, v = lens.project_pinhole(_points(points), self.dist_coeffs)
         (fx, skew, cx), (_, fy, cy), _ = self.camera_matrix.tolist()
         return np.stack([fx * u + (skew * v + cx), fy * v + cy], axis=-1)
 
     def project_with_jacobian(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Project camera-frame `points` (..., 3); returns pixels (..., 2) and d pixel / d point (..., 2, 3)."""
         distort = lens.distort_fisheye if self.model == "fisheye" else lens.distort_pinhole
-        plane, jacobian = distort(points, self.dist_coeffs)
+        plane, jacobian = distort(_points(points), self.dist_coeffs)
         linear = self.camera_matrix[:2, :2]
         return plane @ linear.T + self.camera_matrix[:2, 2], linear @ jacobian
 
     def rays(self, pixels: FloatArray) -> FloatArray:
-        """Return the viewing rays (..., 3), unit length, of `pixels` (..., 2); NaN outside the lens model."""
-        u, v = self._distorted(pixels)
+        """Return the viewing rays (..., 3), unit length, of `pixels` (..., 2); NaN outside the lens model.
+
+        Raises `ArgumentError` on what is no such array.
+        """
+        u, v = self._distorted(_pixels(pixels))
         if self.model == "fisheye":
             return lens.undistort_fisheye(np.stack([u, v], axis=-1), self.dist_coeffs)
         x, y, _ = lens.undistort_pinhole(u, v, self.dist_coeffs)
@@ -137,6 +147,7 @@ class Camera:
 
     def rays_with_jacobian(self, pixels: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the unit rays (..., 3) of `pixels` (..., 2) and their derivative d ray / d pixel (..., 3, 2)."""
+        pixels = _pixels(pixels)
         if self.model == "pinhole":
             return self._pinhole_rays(pixels)
         rays = self.rays(pixels)
@@ -155,6 +166,7 @@ class Camera:
 
         The first index is the ray's component, the second what it is of. NaN outside the lens model.
         """
+        pixels = _pixels(pixels)
         sights = np.empty((3, 3, *pixels.shape[:-1]))
         if self.model == "fisheye":
             rays, jacobians = self.rays_with_jacobian(pixels)
@@ -196,10 +208,12 @@ class Camera:
     def scaled_to(self, image_size: tuple[int, int]) -> Self:
         """Return the camera of the same lens whose images were resized to `image_size` (width, height).
 
-        Pixel centers are integers, so the image's corner is at -0.5: c' = (c + 0.5) s - 0.5.
+        Pixel centers are integers, so the image's corner is at -0.5: c' = (c + 0.5) s - 0.5. Raises
+        `CalibrationError` on what is no image size.
         """
         if self.image_size is None:
             raise CalibrationError("image_size: the calibration does not say its image size, so it cannot be scaled.")
+        image_size = _checked_size(image_size)
         scale = np.array([image_size[0] / self.image_size[0], image_size[1] / self.image_size[1]])
         matrix = self.camera_matrix.copy()
         matrix[:2, :2] *= scale[:, None]
@@ -220,6 +234,14 @@ def circle_contour(
 ) -> FloatArray:
     """Return the rim (..., number, 2) in the raw, distorted image; NaN where the camera cannot see."""
     return camera.project(circle_points(center, normal, radius, number))
+
+
+def _points(points: object) -> FloatArray:
+    return _arguments.vectors("points", points, "three numbers for each point, (..., 3)", 3)
+
+
+def _pixels(pixels: object) -> FloatArray:
+    return _arguments.vectors("pixels", pixels, "two numbers for each pixel, (..., 2)", 2)
 
 
 def _checked_size(size: object) -> tuple[int, int]:

@@ -33,6 +33,18 @@ class Ellipse:
     angle: FloatArray
     """(...) rad, from the x axis towards the y axis to the major axis, in (-pi/2, pi/2]"""
 
+    def __post_init__(self) -> None:
+        """Raise `ArgumentError` on what is no array; the shapes are the caller's."""
+        for name in ("center", "semi_major", "semi_minor", "angle"):
+            value: object = getattr(self, name)
+            if not isinstance(value, np.ndarray | np.floating):
+                raise ArgumentError(
+                    f"{name}: expected an array, got {_arguments.shown(value)}; Ellipse.from_axes converts lists and "
+                    "numbers."
+                )
+        if self.center.shape[-1:] != (2,):
+            raise ArgumentError(f"center: expected two numbers for each ellipse, (..., 2), got {self.center.shape}.")
+
     @classmethod
     def from_axes(cls, center: object, semi_axes: object, angle: object) -> Self:
         """Build from a center, two semi-axes in either order, and the direction of the first.
@@ -150,7 +162,13 @@ class Ellipse:
         return np.stack([major, minor, center], axis=-1)
 
     def points(self, number: int = 180) -> FloatArray:
-        """Return `number` points of the rim, shape (..., number, 2), evenly spaced in the eccentric angle."""
+        """Return `number` points of the rim, shape (..., number, 2), evenly spaced in the eccentric angle.
+
+        Raises `ArgumentError` where `number` is no whole number of at least 1.
+        """
+        expected = "a whole number of at least 1"
+        if _arguments.whole("number", number, expected) < 1:
+            raise ArgumentError(f"number: expected {expected}, got {number}.")
         unit_x, unit_y = unit_circle(number)
         along, across = unit_x * self.semi_major[..., None], unit_y * self.semi_minor[..., None]
         cos, sin = np.cos(self.angle)[..., None], np.sin(self.angle)[..., None]

@@ -8,9 +8,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from circlepose import _arguments
 from circlepose._typing import FloatArray
+from circlepose.errors import ArgumentError
 from circlepose.geometry.cone import ConeKind, principal_frame
 from circlepose.geometry.cone_perturbation import pose_coefficients
+
+_NORMAL = "a unit vector, three numbers in the camera frame"
+_UNIT = 1e-3
+"""How far the length of a unit vector may be from 1: a rounded one of a table is."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,8 +44,18 @@ class Cone:
             (3,) of the circle, camera frame: mm, and a unit vector.
         radius_mm
             Its radius.
+
+        Raises
+        ------
+        ArgumentError
+            On what is no circle.
         """
-        return pose_coefficients(self.factor, np.asarray(center), np.asarray(normal), radius_mm)
+        center_ = np.array(_arguments.numbers("center", center, "three numbers in mm, camera frame", 3))
+        unit = np.array(_arguments.numbers("normal", normal, _NORMAL, 3))
+        if not abs(math.hypot(*unit) - 1.0) < _UNIT:
+            raise ArgumentError(f"normal: expected {_NORMAL}, got {_arguments.shown(normal)}.")
+        radius = _arguments.length_mm("radius_mm", radius_mm, "a positive radius in mm")
+        return pose_coefficients(self.factor, center_, unit, radius)
 
     def __eq__(self, other: object) -> bool:
         # `CircleResult.cone` was a ConeKind once.

@@ -1,4 +1,4 @@
-"""Whether a command would write to a file that it reads, by whatever name, link or URL."""
+"""Whether a command would write to a file that it reads, or twice to one, by whatever name, link or URL."""
 
 from __future__ import annotations
 
@@ -37,7 +37,28 @@ class Outputs:
             raise UsageError(f"{output}: would be overwritten, but it holds {what} ({name}); give another name.")
 
 
-def _identity(place: os.PathLike[str] | int) -> tuple[int, int] | None:
+def refuse_one_place(outputs: Iterable[tuple[str, Place | None]]) -> None:
+    """Raise `UsageError` where two outputs, each with its option, are one file, whether it is there or not."""
+    seen: dict[object, tuple[str, Place]] = {}
+    for option, place in outputs:
+        if place is None:
+            continue
+        former, other = seen.setdefault(_name_of(place), (option, place))
+        if former != option:
+            raise UsageError(f"{former} {other}, {option} {place}: are one file; give two names.")
+
+
+def _name_of(place: Place) -> object:
+    """Return the same for places that are one file; for devices and pipes, which take several, never the same."""
+    if isinstance(place, RemoteFile):
+        return _normal_url(place)
+    real = os.path.realpath(place)
+    if os.path.exists(real):  # noqa: PTH110 - a name that no file can have is no error here
+        return _identity(real) or object()
+    return real
+
+
+def _identity(place: str | os.PathLike[str] | int) -> tuple[int, int] | None:
     try:
         status = os.stat(place if isinstance(place, int) else os.path.realpath(place))  # noqa: PTH116
     except (OSError, ValueError):

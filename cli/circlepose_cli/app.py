@@ -25,17 +25,20 @@ from circlepose_cli.commands.estimate import estimate
 from circlepose_cli.commands.explain import explain
 from circlepose_cli.commands.inspect import inspect
 from circlepose_cli.commands.render import render
+from circlepose_cli.commands.schema import schema
 from circlepose_cli.commands.statuses import statuses
 from circlepose_cli.commands.study import study
 from circlepose_cli.console import process
 from circlepose_cli.console.installation import broken_package
 from circlepose_cli.console.streams import standard_streams
+from circlepose_cli.options.plain_messages import PlainGroup
 
 BUG = 1
 ENVIRONMENT = 2
 
 app = typer.Typer(
     name="circlepose",
+    cls=PlainGroup,
     help="Center (mm) and unit normal of every circle of known radius, from calibrated photographs.",
     # Rich help makes the start as slow as importing OpenCV.
     rich_markup_mode=None,
@@ -44,7 +47,7 @@ app = typer.Typer(
     no_args_is_help=True,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (demo, estimate, check, inspect, explain, camera, render, statuses):
+for command in (demo, estimate, check, inspect, explain, camera, render, statuses, schema):
     app.command()(command)
 app.add_typer(study)
 

@@ -4,6 +4,7 @@ import pytest
 
 from circlepose_cli.app import main
 from tests.support.discs import disc_folder
+from tests.support.json_outputs import assert_valid_files
 
 
 @pytest.fixture
@@ -16,6 +17,15 @@ def run(capsys):
         return code, captured.out, captured.err
 
     return run_it
+
+
+@pytest.fixture(autouse=True)
+def _written_json_is_valid(request):
+    """Whatever JSON the program writes in a test is what its schema says."""
+    folder = request.getfixturevalue("tmp_path") if "tmp_path" in request.fixturenames else None
+    yield
+    if folder is not None:
+        assert_valid_files(folder)
 
 
 @pytest.fixture

@@ -74,7 +74,7 @@ def test_what_looks_wrong_is_told(report, warning):
 def test_the_report_is_strict_json():
     record = report_record(report_on(SQUARE, [-0.6, 0.0, 0.0, 0.0], notes=("odd",)))
     again = json.loads(json.dumps(record, allow_nan=False))
-    assert again["schema"] == "circlepose.camera.camera/1"
+    assert again["schema"] == "circlepose.camera/1"
     assert again["notes"] == ["odd"]
 
 

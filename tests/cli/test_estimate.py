@@ -127,7 +127,10 @@ def test_the_calibration_named_comes_before_the_one_beside(run, folder, tmp_path
         (["--minor-px", "a:b"], "--minor-px: expected two numbers"),
         (["--normal", "0,-1"], "--normal: expected a direction X,Y,Z in the camera frame"),
         (["--normal", "0,0,0"], "--normal: expected a direction X,Y,Z"),
-        (["--normal", "0,0,-1", "--normal-spread-deg", "0"], "normal_hint.spread_deg: expected a positive angle"),
+        (
+            ["--normal", "0,0,-1", "--normal-spread-deg", "0"],
+            "circlepose: --normal-spread-deg: expected a positive angle",
+        ),
         (
             ["--normal-spread-deg", "9"],
             "--normal-spread-deg: needs --normal X,Y,Z",
@@ -138,7 +141,7 @@ def test_the_calibration_named_comes_before_the_one_beside(run, folder, tmp_path
         (["--facing", "0,0,0"], "--facing: expected a direction X,Y,Z"),
         (
             ["--normal", "1,0,-1", "--normal-spread-deg", "9", "--up", "0,1,0", "--up-spread-deg", "9"],
-            "normal_hint, up_hint: exclude each other",
+            "circlepose: --normal, --up: exclude each other",
         ),
         (["--jobs", "0"], "--jobs"),
         (["--method", "guess"], "kanatani-liu"),

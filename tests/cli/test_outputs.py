@@ -9,12 +9,16 @@ import os
 import signal
 import subprocess
 import time
+from pathlib import Path, PurePath
 
 import cv2
 import pytest
 
+from circlepose.errors import UsageError
 from circlepose.io.images.reader import read_image
 from circlepose.io.marks import bears_mark, is_drawn_file
+from circlepose.io.output_conflicts import refuse_one_place
+from circlepose.io.remote.images import RemoteFile
 from tests.support.processes import COMMAND, SLOW, environment, shell
 
 SCENE = """
@@ -134,6 +138,47 @@ def test_a_table_of_tabs_is_compared_like_any_other(run, folder, tmp_path):
     for name in ("a.tsv", "a.csv"):
         assert run("estimate", folder, "-o", tmp_path / name)[0] == 0
     assert run("check", tmp_path / "a.tsv", "--against", tmp_path / "a.csv")[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("plot", "output"),
+    [
+        ("x.svg", "x.svg"),
+        ("x.svg", "./a/../x.svg"),
+        ("link.svg", "x.svg"),
+        ("x.svg", "hard.svg"),
+        ("new.svg", "new.svg"),
+    ],
+)
+@pytest.mark.parametrize("study", [["noise", "--repeats", 2], ["gcc", "--scenes", 1]], ids=["noise", "gcc"])
+def test_two_outputs_of_one_name_are_refused(run, tmp_path, monkeypatch, study, plot, output):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a").mkdir()
+    (tmp_path / "x.svg").write_text("<svg><!-- circlepose --></svg>")
+    (tmp_path / "link.svg").symlink_to("x.svg")
+    os.link(tmp_path / "x.svg", tmp_path / "hard.svg")
+    before = contents(tmp_path)
+    code, out, err = run("study", *study, "--plot", plot, "-o", output, "--format", "csv", "--overwrite")
+    assert (code, out) == (2, "")
+    assert err == f"circlepose: --plot {plot}, -o {PurePath(output)}: are one file; give two names.\n"
+    assert contents(tmp_path) == before
+
+
+def test_a_table_among_the_pictures_is_refused(run, folder, tmp_path):
+    code, out, err = run(
+        "estimate", folder, "--overlay", tmp_path / "o", "-o", tmp_path / "o" / "disc0.png", "--format", "csv"
+    )
+    assert (code, out) == (2, "")
+    assert f"-o {tmp_path}/o/disc0.png, --overlay {tmp_path}/o: a picture in that folder may get this name" in err
+    assert contents(tmp_path / "o") == {}
+    assert run("estimate", folder, "--overlay", tmp_path / "o", "-o", tmp_path / "o" / "disc0.csv")[0] == 0
+    assert {path.name for path in (tmp_path / "o").iterdir()} == {"disc0.csv", "disc0.png", "disc1.png"}
+
+
+def test_devices_take_several_outputs():
+    refuse_one_place([("--plot", Path("/dev/null")), ("-o", Path("/dev/null"))])
+    with pytest.raises(UsageError, match="are one file"):
+        refuse_one_place([("--a", RemoteFile("s3://b/x")), ("--b", None), ("--c", RemoteFile("s3a://b//x"))])
 
 
 def test_parquet_has_typed_columns(run, folder, tmp_path):

@@ -346,7 +346,7 @@ def test_json_is_one_strict_document(capsys, tmp_path):
     folder = disc_folder(tmp_path / "a", 1)
     assert main(["explain", str(folder), "--format", "json", "--radius-sigma-mm", "0.1"]) == 0
     record = json.loads(capsys.readouterr().out)
-    assert record["schema"] == "circlepose.diagnostics.explain/1"
+    assert record["schema"] == "circlepose.explain/1"
     assert record["circles"][0]["solutions"][0]["covariance_terms"]["radius"]
     (stages,) = record["stages"]
     assert stages["levels"]["converged"]

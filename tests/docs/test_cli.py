@@ -15,7 +15,7 @@ from circlepose.results import FLAG_MEANING, STATUS_MEANING
 from circlepose.solvers import METHODS
 from circlepose.targets import POLARITIES
 from circlepose_cli.app import app, main
-from circlepose_cli.options.declared import FormatChoice, ReportFormat
+from circlepose_cli.options.declared import CheckFormat, FormatChoice, ReportFormat
 
 COMMANDS = typer.main.get_command(app).commands
 
@@ -48,7 +48,9 @@ def test_every_command_and_option_is_in_the_manual(manual, name):
                 assert f"`{option}" in text, option
 
 
-@pytest.mark.parametrize("choices", [(*METHODS, "all"), POLARITIES, EXTRACTIONS, FormatChoice, LAYOUTS, ReportFormat])
+@pytest.mark.parametrize(
+    "choices", [(*METHODS, "all"), POLARITIES, EXTRACTIONS, CheckFormat, FormatChoice, LAYOUTS, ReportFormat]
+)
 def test_every_choice_is_in_the_manual(manual, choices):
     for choice in choices:
         assert re.search(rf"`(--[a-z]+ )?{choice}`", manual), choice
@@ -73,7 +75,7 @@ def test_statuses_explains_all_of_them(capsys):
 
 @pytest.mark.parametrize(
     "command",
-    ["camera configs/calibration/opencv.yaml", "inspect sample_images/coplanar/b.png --rings", "statuses"],
+    ["camera configs/calibration/opencv.yaml", "inspect sample_images/coplanar/b.png --rings", "statuses", "schema"],
 )
 def test_sample_output_in_the_manual_is_what_is_printed(manual, command, capsys, monkeypatch, project_root):
     monkeypatch.chdir(project_root)

@@ -9,6 +9,8 @@ import sys
 
 import pytest
 
+from tests.support.json_outputs import assert_valid
+
 SETTLE = "either pose may be the right one; give --facing, --normal or --up, or a target of two circles"
 """what is said where lone circles are ambiguous"""
 GO_ON = "with -o FILE, an interrupted run can be continued with --resume\n"
@@ -40,7 +42,9 @@ def environment(**more: str) -> dict[str, str]:
 def run(*args, **options):
     """Run the command line `args` and return the process that has ended, with its streams as text."""
     options = {"env": environment(), "timeout": 120, **options}
-    return subprocess.run([*COMMAND, *map(str, args)], capture_output=True, text=True, check=False, **options)
+    done = subprocess.run([*COMMAND, *map(str, args)], capture_output=True, text=True, check=False, **options)
+    assert_valid(done.stdout)
+    return done
 
 
 def shell(line, *args, **options):
@@ -49,4 +53,6 @@ def shell(line, *args, **options):
         pytest.skip("there is no bash here")
     options = {"env": environment(circlepose=shlex.join(COMMAND)), "timeout": 120, **options}
     command = ["/bin/bash", "-c", line, "bash", *map(str, args)]
-    return subprocess.run(command, capture_output=True, text=True, check=False, **options)
+    done = subprocess.run(command, capture_output=True, text=True, check=False, **options)
+    assert_valid(done.stdout, may_be_cut=True)
+    return done

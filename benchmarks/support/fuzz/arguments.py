@@ -464,7 +464,10 @@ def _looked_for_circle(**arguments: object) -> object:
 
 
 def _as_frame(**arguments: object) -> object:
-    return circlepose.to_rows(**arguments) if find_spec("pandas") is None else circlepose.to_dataframe(**arguments)
+    if find_spec("pandas") is None:
+        return circlepose.to_rows(**arguments)
+    # A frame has its column as `status`.
+    return circlepose.to_dataframe(**arguments).to_numpy()
 
 
 def _explained(**arguments: object) -> object:

@@ -49,4 +49,4 @@ def _kind(name: str, pyarrow: Any) -> Any:
 def _value(value: object) -> object:
     if isinstance(value, str):
         return quoted(str(value))
-    return None if isinstance(value, float) and math.isnan(value) else value
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -84,10 +84,7 @@ def noise(
     from circlepose_cli.output.sheets import write_sheet  # noqa: PLC0415
     from circlepose_cli.reports.study import noise_sheet  # noqa: PLC0415
 
-    if plot is not None:
-        from circlepose.reporting.study_plots import check_plot  # noqa: PLC0415
-
-        check_plot(plot, overwrite=overwrite)
+    _check_plot(plot, output, overwrite=overwrite)
     total = len(readings()) * len(NOISE)
     rows = (*printed_noise_rows(), *_followed(noise_rows(repeats, seed), total, "perturbing"))
     if plot is not None:
@@ -139,16 +136,25 @@ def gcc(
     from circlepose_cli.output.sheets import write_sheet  # noqa: PLC0415
     from circlepose_cli.reports.study import gcc_sheet  # noqa: PLC0415
 
-    if plot is not None:
-        from circlepose.reporting.study_plots import check_plot  # noqa: PLC0415
-
-        check_plot(plot, overwrite=overwrite)
+    _check_plot(plot, output, overwrite=overwrite)
     points = (*printed_points(), *_followed(gcc_points(scenes, seed), scenes * len(PARTS), "rendering"))
     if plot is not None:
         from circlepose.reporting.study_plots import plot_gcc  # noqa: PLC0415
 
         plot_gcc(points, plot, overwrite=overwrite)
     write_sheet(gcc_sheet(gcc_rows(points), seed), output_format, output, overwrite=overwrite)
+
+
+def _check_plot(plot: Path | None, output: Path | None, *, overwrite: bool) -> None:
+    """Raise `UsageError` where the picture cannot be made, or would be written over the table."""
+    if plot is None:
+        return
+    from circlepose.io.output_conflicts import refuse_one_place  # noqa: PLC0415
+    from circlepose.reporting.study_plots import check_plot  # noqa: PLC0415
+    from circlepose_cli.output.destination import output_place  # noqa: PLC0415
+
+    refuse_one_place([("--plot", plot), ("-o", output_place(output))])
+    check_plot(plot, overwrite=overwrite)
 
 
 def _followed(rows: Iterable[T], total: int, doing: str) -> Iterator[T]:

@@ -15,6 +15,7 @@ from circlepose.detection.contour import Rejection
 from circlepose.io.text.escaping import printable, redacted
 from circlepose.results import Flag, ImageResult, Status
 from circlepose_cli.console import process
+from circlepose_cli.console.doubtful_radius import doubt
 from circlepose_cli.console.interruption import Interruption
 from circlepose_cli.options.parse import with_options_named
 
@@ -69,6 +70,7 @@ class Reporter:
         self._ambiguous = 0
         self._with_several = 0
         self._not_measured = 0
+        self._is_radius_doubted = False
         self.failures: Counter[str] = Counter()
         self._quiet = quiet
         self._verbose = verbose
@@ -110,6 +112,9 @@ class Reporter:
         else:
             self.failures[status] += 1
             self.note(f"{result.image}: {reason or status}")
+        if not self._is_radius_doubted and (question := doubt(result)) is not None:
+            self._is_radius_doubted = True
+            self.note(f"{result.image}: {question}")
         if result.remark and status is Status.OK:
             self.note(f"{result.image}: {result.remark}")
         if result.rejected:

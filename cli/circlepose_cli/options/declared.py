@@ -27,6 +27,18 @@ class FormatChoice(StrEnum):
     TABLE = "table"
 
 
+class CheckFormat(StrEnum):
+    """Forms of a comparison: those of `FormatChoice`, and that for GitHub Actions."""
+
+    CSV = "csv"
+    TSV = "tsv"
+    JSON = "json"
+    JSONL = "jsonl"
+    PARQUET = "parquet"
+    TABLE = "table"
+    GITHUB = "github"
+
+
 class StdinChoice(StrEnum):
     """What comes on standard input."""
 

@@ -166,8 +166,11 @@ class CheckRequest:
         bool, typer.Option("--update", help="Make POSES the baseline, whatever moved; not for a truth.")
     ] = False
     output_format: Annotated[
-        declared.FormatChoice | None,
-        typer.Option("--format", help="Default: table on a terminal, csv in a pipe."),
+        declared.CheckFormat | None,
+        typer.Option(
+            "--format",
+            help="Default: table on a terminal, csv in a pipe. github: annotations and summary of GitHub Actions.",
+        ),
     ] = None
     quiet: declared.Quiet = False
     verbose: declared.Verbose = False

@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 from circlepose.camera.camera import CameraSigma
-from circlepose.errors import TargetError, UsageError
+from circlepose.errors import CalibrationError, TargetError, UsageError
 from circlepose.io.calibration.reader import CameraFile, read_camera_file
 from circlepose.io.remote.images import Place, RemoteFile
 from circlepose.io.target_file import find_beside, read_target, target_from_mapping
@@ -15,6 +15,7 @@ from circlepose.targets import Direction
 from circlepose.targets.hints import NORMAL_SPREAD_DEG, UP_SPREAD_DEG, DirectionHint
 from circlepose.targets.target import AxisIntervals, Target
 from circlepose_cli.options.camera_target import CameraTargetOptions
+from circlepose_cli.options.names import option_of, with_options
 
 _FOUND = "found beside the images and used"
 _SAME_NAME = sorted({field.name for field in fields(Target)} & {field.name for field in fields(CameraTargetOptions)})
@@ -82,7 +83,10 @@ class Setups:
             used = "used" if origin == f"{camera_file.path}: target" else _FOUND
             notes.append(f"{origin}: {used} as target, {_described(target)}")
         if self._known.camera_sigma is not None:
-            sigma = CameraSigma(*self._known.camera_sigma)
+            try:
+                sigma = CameraSigma(*self._known.camera_sigma)
+            except CalibrationError as error:
+                raise UsageError(with_options(str(error), self._known)) from None
             camera_file = replace(camera_file, camera=replace(camera_file.camera, sigma=sigma))
         new = tuple(note for note in notes if note not in self._said)
         self._said.update(new)
@@ -120,6 +124,19 @@ def _circle(radius_mm: float) -> Target:
 
 
 def _overridden(target: Target, known: CameraTargetOptions) -> Target:
+    """Return the target with what was typed; raises `UsageError` that names the options."""
+    if known.same_plane and target.kind == "circle" and (known.count or target.count) == 1:
+        raise UsageError(
+            f"{option_of('same_plane')}: needs several circles in each image, but one is looked for; give --count N "
+            "or --count all."
+        )
+    try:
+        return _replaced(target, known)
+    except TargetError as error:
+        raise UsageError(with_options(str(error), known)) from None
+
+
+def _replaced(target: Target, known: CameraTargetOptions) -> Target:
     changes = {key: value for key in _SAME_NAME if (value := getattr(known, key)) is not None}
     if known.major_px is not None or known.minor_px is not None:
         axes = target.axis_intervals or AxisIntervals()

@@ -63,6 +63,10 @@ class OverlayNames:
         refuse_foreign(path, overwrite=self._overwrite)
         return path
 
+    def holds(self, path: Path) -> bool:
+        """Return whether the folder of `path` is that of the pictures."""
+        return os.path.realpath(path.parent) == self._place
+
     def _is_free(self, name: str) -> bool:
         # Through a link that lies there, the picture would be written somewhere else; a pipe has no end.
         path = self._folder / f"{name}.png"

@@ -17,7 +17,7 @@ from circlepose.io.text.escaping import printable
 from circlepose.targets.target import Target
 from circlepose_cli.reports.target import describe_target, target_warnings
 
-SCHEMA = "circlepose.camera.camera/1"
+SCHEMA = "circlepose.camera/1"
 CONVENTION = "an integer pixel coordinate is a pixel's center; (0, 0) is the center of the top left pixel"
 REFUSED = " (estimate refuses it without --force-calib)"
 _CORNERS = ("top left", "top right", "bottom left", "bottom right")

@@ -48,7 +48,7 @@ def report_json(name: str, inspection: Inspection) -> str:
     found = inspection.extraction
     suggested = inspection.suggested
     record = {
-        "schema": "circlepose.diagnostics.inspection/1",
+        "schema": "circlepose.inspection/1",
         "image": name,
         "width": inspection.image_size[0],
         "height": inspection.image_size[1],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections import Counter
 from pathlib import Path
@@ -13,19 +14,26 @@ from circlepose.io.output_conflicts import Outputs
 from circlepose.io.tables.reader import PoseFile, read_pose_file
 from circlepose.io.text.escaping import printable
 from circlepose.io.text.source import MAX_TABLE_BYTES, read_regular
+from circlepose_cli.options.declared import CheckFormat, FormatChoice
 from circlepose_cli.options.requests import CheckRequest
 from circlepose_cli.output.destination import open_output
 from circlepose_cli.output.results import choose_format
 from circlepose_cli.reports.check import write_comparison
+from circlepose_cli.reports.github import Level, summary, workflow_commands
 
 OUTSIDE_TOLERANCE = 4
+STEP_SUMMARY = "GITHUB_STEP_SUMMARY"
 
 
 def run(request: CheckRequest) -> int:
     """Compare, print what differs, and return the exit code."""
     tolerance = _tolerance(request)
+    poses = 0 if request.poses == STDIN else Path(request.poses)
     if request.update:
-        Outputs([request.against]).refuse(0 if request.poses == STDIN else Path(request.poses), "the poses")
+        Outputs([request.against]).refuse(poses, "the poses")
+    appended = Outputs([_step_summary(request)])
+    appended.refuse(poses, "the poses")
+    appended.refuse(request.against, "the reference")
     measured = _read_poses(request.poses)
     if request.update and not request.against.exists():
         _update(measured, request)
@@ -35,15 +43,46 @@ def run(request: CheckRequest) -> int:
     if request.update:
         _refuse_update(measured, reference)
     comparison = compare(measured.table, reference.table, tolerance, request.candidate)
-    output_format = choose_format(request.output_format, None, to_terminal=sys.stdout.isatty(), of_estimate=False)
-    write_comparison(comparison, tolerance, sys.stdout, output_format)
+    outcome = _summary(comparison, tolerance)
+    if request.output_format is CheckFormat.GITHUB:
+        _write_for_github(comparison, outcome, request)
+    else:
+        write_comparison(comparison, tolerance, sys.stdout, _output_format(request))
     for note in comparison.notes:
         _note(note, request)
-    _note(_summary(comparison, tolerance), request)
+    _note(outcome, request)
     if request.update:
         _update(measured, request)
         return 0
     return OUTSIDE_TOLERANCE if comparison.differences else 0
+
+
+def _output_format(request: CheckRequest) -> FormatChoice:
+    asked = None if request.output_format is None else FormatChoice(request.output_format)
+    return choose_format(asked, None, to_terminal=sys.stdout.isatty(), of_estimate=False)
+
+
+def _step_summary(request: CheckRequest) -> Path | None:
+    """Return the file to which GitHub Actions wants a summary appended; None elsewhere."""
+    path = os.environ.get(STEP_SUMMARY)
+    return Path(path) if path and request.output_format is CheckFormat.GITHUB else None
+
+
+def _write_for_github(comparison: Comparison, outcome: str, request: CheckRequest) -> None:
+    """Print annotations, and append to the summary of the step where the environment names its file."""
+    level: Level = "warning" if request.update else "error"
+    for command in workflow_commands(comparison, level):
+        print(command)
+    path = _step_summary(request)
+    if path is None:
+        return
+    try:
+        with path.open("a", encoding="utf-8") as handle:
+            handle.write(summary(comparison, outcome))
+    except (OSError, ValueError) as error:
+        # The verdict on the poses stands without it.
+        reason = getattr(error, "strerror", None) or error
+        _note(f"{STEP_SUMMARY}: {path} cannot be written ({reason}); there is no step summary", request)
 
 
 def _tolerance(request: CheckRequest) -> Tolerance:

@@ -8,6 +8,7 @@ from collections.abc import Generator, Iterable, Iterator
 from contextlib import ExitStack, closing, nullcontext, suppress
 from dataclasses import asdict
 from functools import partial
+from pathlib import Path
 
 from circlepose.batch.journal import Journal
 from circlepose.batch.measure import MeasureOptions, WorkItem, available_cores, measure_files
@@ -169,6 +170,11 @@ def _refuse_pictures(
             pictures.refuse(setup.target_path, "the target")
     pictures.refuse(request.reference, "the reference")
     pictures.refuse(output, "the table of -o")
+    if isinstance(output, Path) and output.suffix.lower() == ".png" and overlays.holds(output):
+        raise UsageError(
+            f"-o {output}, --overlay {request.overlay}: a picture in that folder may get this name; give the table "
+            "another one."
+        )
 
 
 def _guarded(images: Iterable[InputImage], outputs: Outputs) -> Iterator[InputImage]:
@@ -218,7 +224,11 @@ def _accept_setup(reporter: Reporter, outputs: Outputs, folder: Place, setup: Se
     try:
         methods_for(setup.target.kind, method)
     except ArgumentError as error:
-        raise UsageError(f"{setup.target_origin}: --{error}") from None
+        # The command line itself is no place to name.
+        where = (
+            "" if setup.target_path is None and setup.target_origin.startswith("--") else f"{setup.target_origin}: "
+        )
+        raise UsageError(f"{where}--{error}") from None
     for note in setup.notes:
         reporter.note(note)
     reporter.detail(f"{folder}: camera {setup.camera_file.path}, target {setup.target_origin}")

@@ -13,6 +13,7 @@ from circlepose.io.output_conflicts import Outputs
 from circlepose.io.tables import json_records
 from circlepose.io.text.escaping import printable
 from circlepose.results import Status
+from circlepose_cli.console.doubtful_radius import doubt
 from circlepose_cli.options.declared import ReportFormat
 from circlepose_cli.options.parse import with_options_named
 from circlepose_cli.options.requests import ExplainRequest
@@ -40,6 +41,9 @@ def run(request: ExplainRequest) -> int:
     pixels = read_image(image.path)
     explanation = explain(pixels, camera, setup.target, **asdict(request.stages), name=image.name)
     explanation = replace(explanation, result=with_options_named(explanation.result))
+    question = doubt(explanation.result)
+    if question is not None and not request.quiet:
+        print(printable(f"{image.name}: {question}"), file=sys.stderr)
     if request.picture is not None:
         from circlepose.drawing.explanation import draw_explanation  # noqa: PLC0415 - drawing is rarely asked for
 

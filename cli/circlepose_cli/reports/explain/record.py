@@ -11,7 +11,7 @@ from circlepose.io.tables.json_records import image_record
 from circlepose.solvers.mirror_view import MirrorView
 from circlepose_cli.reports.explain.poses import dominating, mirror_view_of
 
-SCHEMA = "circlepose.diagnostics.explain/1"
+SCHEMA = "circlepose.explain/1"
 
 
 def report_record(explanation: Explanation) -> dict[str, Any]:
