@@ -53,6 +53,15 @@ class EstimateRequest:
             "--layout", help="Rows: all candidate poses, Table I of Chen & Huang, or Tables 1, 2 of Fu & Zhou."
         ),
     ] = "poses"
+    chosen_only: Annotated[
+        bool, typer.Option("--chosen-only", help="Leave out the candidate poses that are not chosen.")
+    ] = False
+    columns: Annotated[
+        str | None,
+        typer.Option(
+            "--columns", metavar="NAME,...", help="Columns to write, in this order; csv, tsv, parquet and table."
+        ),
+    ] = None
     reference: Annotated[
         Path | None,
         typer.Option(
