@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, TextIO, TypeAlias
+from typing import IO, Literal, TypeAlias
 
 from rich.cells import cell_len
 from rich.text import Text
@@ -26,6 +26,7 @@ class Column:
     """What a column holds."""
 
     header: str
+    """one line or, with line ends, several"""
     kind: Kind = "words"
     """a number stands as it is, words may go on several lines, a name may be shortened in its middle"""
     rank: int = 0
@@ -64,7 +65,7 @@ class _Fit:
     headers: tuple[tuple[str, ...], ...]
 
 
-def print_grid(handle: TextIO, *forms: Grid) -> None:
+def print_grid(handle: IO[str], *forms: Grid) -> None:
     """Print the first of several forms of a table that fits the place of `handle`, else one value a line."""
     screen = Screen.of(handle)
     for line in grid_lines(forms, screen.width):
@@ -76,8 +77,9 @@ def grid_lines(forms: Sequence[Grid], width: int | None) -> Iterator[Line]:
     first = forms[0]
     if first.title:
         yield Text(shortened(first.title, width))
-    for form in forms:
-        fit = _fitted(form, width)
+    # Another form rather than a column left out; only the last has nothing after it.
+    for form, complete in (*((form, True) for form in forms[:-1]), *((form, False) for form in forms)):
+        fit = _fitted(form, width, complete=complete)
         if fit is not None:
             yield from _table_lines(form, fit, width)
             yield from _left_out_lines(form, fit, width)
@@ -123,13 +125,13 @@ def _last_cells(name: str, width: int) -> str:
     return name[start:]
 
 
-def _fitted(grid: Grid, width: int | None) -> _Fit | None:
-    """Return how `grid` fits `width`; None where it does not."""
+def _fitted(grid: Grid, width: int | None, *, complete: bool) -> _Fit | None:
+    """Return how `grid` fits `width`, if `complete` with all columns; None where it does not."""
     everything = tuple(range(len(grid.columns)))
     if width is None:
         return _fit(grid, everything, 2, None, wraps=False)
     ranks = sorted({column.rank for column in grid.columns if column.rank}, reverse=True)
-    for most in (None, *ranks):
+    for most in (None, *(() if complete else ranks)):
         kept = tuple(n for n in everything if most is None or grid.columns[n].rank < most)
         for gap, wraps in ((2, False), (2, True), (1, True)):
             fit = _fit(grid, kept, gap, width, wraps=wraps)
@@ -142,13 +144,10 @@ def _fit(grid: Grid, kept: tuple[int, ...], gap: int, width: int | None, *, wrap
     cells = {n: [row.cells[n] for row in grid.rows] for n in kept}
     natural = {n: max(map(cell_len, _lines_of(cells[n])), default=0) for n in kept}
     least = {n: _least(grid.columns[n], cells[n], natural[n], gap) for n in kept}
-    headers = {n: [grid.columns[n].header] for n in kept}
     for n in kept:
-        longest = _longest_word([grid.columns[n].header])
-        if wraps:
-            headers[n] = wrapped(grid.columns[n].header, max(longest, natural[n]))
-        least[n] = max(least[n], longest if wraps else cell_len(grid.columns[n].header))
-        natural[n] = max(natural[n], least[n], *map(cell_len, headers[n]))
+        header = grid.columns[n].header
+        least[n] = max(least[n], _longest_word([header]) if wraps else max(map(cell_len, header.split("\n"))))
+        natural[n] = max(natural[n], least[n])
     if width is not None:
         room = width - _MARGIN - gap * (len(kept) - 1)
         # The widest gives way first, so that none becomes much narrower than another.
@@ -157,7 +156,11 @@ def _fit(grid: Grid, kept: tuple[int, ...], gap: int, width: int | None, *, wrap
             if not able:
                 return None
             natural[max(able, key=lambda n: natural[n])] -= 1
-    lines = tuple(tuple(wrapped(" ".join(headers[n]), natural[n]) if wraps else headers[n]) for n in kept)
+    headers = (grid.columns[n].header for n in kept)
+    lines = tuple(
+        tuple(wrapped(header, natural[n]) if wraps else header.split("\n"))
+        for n, header in zip(kept, headers, strict=True)
+    )
     return _Fit(kept, tuple(natural[n] for n in kept), gap, lines)
 
 
@@ -176,8 +179,9 @@ def _longest_word(texts: Sequence[str]) -> int:
 
 def _table_lines(grid: Grid, fit: _Fit, width: int | None) -> Iterator[Line]:
     columns = [grid.columns[n] for n in fit.kept]
-    for line in range(max(map(len, fit.headers))):
-        words = [header[line] if line < len(header) else "" for header in fit.headers]
+    height = max(map(len, fit.headers))
+    for line in range(height):
+        words = [(*[""] * (height - len(header)), *header)[line] for header in fit.headers]
         yield _joined(columns, words, fit, [""] * len(words))
     yield Text(" " * _MARGIN + "─" * (sum(fit.widths) + fit.gap * (len(fit.widths) - 1)), style="dim")
     for row in grid.rows:
@@ -203,6 +207,10 @@ def _cell_lines(column: Column, text: str, width: int) -> list[str]:
     ]
 
 
+def _one_line(header: str) -> str:
+    return header.replace("\n", " ")
+
+
 def _lines_of(cells: Sequence[str]) -> list[str]:
     return [line for cell in cells for line in cell.split("\n")]
 
@@ -218,18 +226,13 @@ def _joined(columns: Sequence[Column], words: Sequence[str], fit: _Fit, styles: 
 
 
 def _left_out_lines(grid: Grid, fit: _Fit, width: int | None) -> Iterator[Line]:
-    names = [column.header for n, column in enumerate(grid.columns) if n not in fit.kept]
+    names = [_one_line(column.header) for n, column in enumerate(grid.columns) if n not in fit.kept]
     if not names or width is None:
         return
-    wide = next(wide for wide in range(width, 10_000) if len(_kept(grid, wide)) == len(grid.columns))
+    wide = next(wide for wide in range(width, 10_000) if _fitted(grid, wide, complete=True) is not None)
     note = f"not shown: {', '.join(names)}; they need {wide} columns, or {grid.how_to_get}"
     for line in wrapped(note, width):
         yield Text(line, style="dim")
-
-
-def _kept(grid: Grid, width: int) -> tuple[int, ...]:
-    fit = _fitted(grid, width)
-    return () if fit is None else fit.kept
 
 
 def _list_lines(grid: Grid, width: int) -> Iterator[Line]:
@@ -242,7 +245,7 @@ def _list_lines(grid: Grid, width: int) -> Iterator[Line]:
             if not cell.strip():
                 continue
             style = styles.get(n, row.style)
-            label = f"{column.header} "
+            label = f"{_one_line(column.header)} "
             if column.kind == "name":
                 lines = [shortened(cell, width)]
             elif cell_len(label) + cell_len(cell.strip()) <= width:

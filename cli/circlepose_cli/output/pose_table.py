@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 from circlepose.io.tables.columns import TEXT_COLUMNS, Row, cell, fixed
 from circlepose.io.text.escaping import printable, quoted
@@ -29,7 +30,8 @@ def pose_forms(rows: Sequence[Row]) -> tuple[Grid, ...]:
     folder = common_folder([str(row["image"]) for row in rows])
     rows = [{**row, "image": str(row["image"]).removeprefix(folder)} for row in rows]
     title = f"images in {shown(folder)}" if folder else ""
-    return _wide(rows, title), _stacked(rows, title)
+    wide = _wide(rows, title)
+    return wide, _headed(wide), _stacked(rows, title)
 
 
 def chosen_columns_form(rows: Sequence[Row], columns: Sequence[str]) -> Grid:
@@ -87,6 +89,17 @@ def _wide(rows: Sequence[Row], title: str) -> Grid:
         )
         made.append(grid.Row(texts, *_styles(_state(row), colored)))
     return Grid(tuple(columns), grid.without_repeats(made, len(names)), title)
+
+
+def _headed(wide: Grid) -> Grid:
+    """Return the table `wide` with the images, its first column, on lines of their own."""
+    rows = tuple(
+        replace(
+            row, cells=row.cells[1:], heading=row.cells[0], styles=tuple((n - 1, style) for n, style in row.styles)
+        )
+        for row in wide.rows
+    )
+    return replace(wide, columns=wide.columns[1:], rows=rows)
 
 
 def _stacked(rows: Sequence[Row], title: str) -> Grid:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
-from typing import TextIO
+from typing import IO
 
 from rich.console import Console
 from rich.text import Text
@@ -23,7 +23,7 @@ class Screen:
     console: Console
 
     @classmethod
-    def of(cls, handle: TextIO) -> Screen:
+    def of(cls, handle: IO[str]) -> Screen:
         """Return the screen behind `handle`, which may also be a file or a pipe."""
         is_terminal = handle.isatty()
         # Without the force, FORCE_COLOR and its kin would color a file.
@@ -36,7 +36,7 @@ class Screen:
         self.console.print(line, soft_wrap=True)
 
 
-def terminal_width(handle: TextIO) -> int:
+def terminal_width(handle: IO[str]) -> int:
     """Return the width of the terminal behind `handle`: COLUMNS where that is a number from 1, else what it says."""
     typed = os.environ.get("COLUMNS", "")
     if typed.isdecimal() and 0 < len(typed) < 6 and int(typed) > 0:
