@@ -230,7 +230,7 @@ def _left_out_lines(grid: Grid, fit: _Fit, width: int | None) -> Iterator[Line]:
     if not names or width is None:
         return
     wide = next(wide for wide in range(width, 10_000) if _fitted(grid, wide, complete=True) is not None)
-    note = f"not shown: {', '.join(names)}; they need {wide} columns, or {grid.how_to_get}"
+    note = f"not shown: {', '.join(names)}; a terminal of {wide} columns shows all, or {grid.how_to_get}"
     for line in wrapped(note, width):
         yield Text(line, style="dim")
 
