@@ -7,8 +7,6 @@ import zlib
 from contextlib import suppress
 from pathlib import Path
 
-from circlepose.io.tables.columns import COLUMNS
-
 COMMENT = "# Written by circlepose"
 """a line of its own, among the first three of a YAML file of ours"""
 HEAD_BYTES = 4096
@@ -76,6 +74,8 @@ def is_marked(head: bytes) -> bool:
 
 def _has_chosen_columns(head: bytes) -> bool:
     """Return whether the first line is the header of a table whose columns were chosen with --columns."""
+    from circlepose.io.tables.columns import COLUMNS  # noqa: PLC0415 - a signal may come while a module is imported
+
     line, end, _ = head.partition(b"\n")
     names = set(line.decode("ascii", errors="replace").replace("\t", ",").split(","))
     return bool(end) and names <= set(COLUMNS) and not names.isdisjoint(_RESULT_COLUMNS)

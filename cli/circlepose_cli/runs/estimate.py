@@ -27,7 +27,7 @@ from circlepose_cli.console.stdin_lines import standard_input
 from circlepose_cli.options.declared import FormatChoice
 from circlepose_cli.options.requests import EstimateRequest
 from circlepose_cli.options.setup import Setup, Setups
-from circlepose_cli.output.destination import Unfinished, open_journal, open_output, output_place
+from circlepose_cli.output.destination import Unfinished, is_file, open_journal, open_output, output_place
 from circlepose_cli.output.overlay_names import OverlayNames
 from circlepose_cli.output.results import choose_format, choose_rows, write_output
 
@@ -107,6 +107,8 @@ def _run(request: EstimateRequest, held: ExitStack) -> int:
             reporter.note(f"{journal.reused} finished before")
         if journal is not None and is_done:
             journal.remove()
+    if output is not None and not interruption.received and is_file(output):
+        reporter.note(f"{output}: written")
     if skipped:
         reporter.note(skipped_line(skipped))
     reporter.summary(
