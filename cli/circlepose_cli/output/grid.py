@@ -219,8 +219,10 @@ def _joined(columns: Sequence[Column], words: Sequence[str], fit: _Fit, styles: 
     line = Text(" " * _MARGIN)
     for place, (column, word, width, style) in enumerate(zip(columns, words, fit.widths, styles, strict=True)):
         space = " " * (width - cell_len(word))
-        line.append(" " * fit.gap if place else "")
-        line.append(f"{space}{word}" if column.kind == "number" else f"{word}{space}", style=style)
+        before, behind = (space, "") if column.kind == "number" else ("", space)
+        line.append(" " * fit.gap * bool(place) + before)
+        line.append(word, style=style)
+        line.append(behind)
     line.rstrip()
     return line
 

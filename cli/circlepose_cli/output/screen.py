@@ -9,9 +9,10 @@ from typing import IO
 from rich.console import Console
 from rich.text import Text
 
-_USUAL_WIDTH = 80
-_NARROWEST = 20
-"""A terminal that claims to be narrower gets lines of this width: shorter ones would have to split numbers."""
+from circlepose_cli.console.terminal import width_of
+
+_ANY_WIDTH = 80
+"""Rich folds no line here; left to itself it would print nothing where COLUMNS is 0."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,25 +26,11 @@ class Screen:
     @classmethod
     def of(cls, handle: IO[str]) -> Screen:
         """Return the screen behind `handle`, which may also be a file or a pipe."""
-        is_terminal = handle.isatty()
         # Without the force, FORCE_COLOR and its kin would color a file.
-        shows_colors = is_terminal and not os.environ.get("NO_COLOR")
-        console = Console(file=handle, force_terminal=shows_colors, highlight=False, width=_USUAL_WIDTH)
-        return cls(terminal_width(handle) if is_terminal else None, console)
+        shows_colors = handle.isatty() and not os.environ.get("NO_COLOR")
+        console = Console(file=handle, force_terminal=shows_colors, highlight=False, width=_ANY_WIDTH)
+        return cls(width_of(handle), console)
 
     def print(self, line: Text) -> None:
         """Print one line, which is not folded."""
         self.console.print(line, soft_wrap=True)
-
-
-def terminal_width(handle: IO[str]) -> int:
-    """Return the width of the terminal behind `handle`: COLUMNS where that is a number from 1, else what it says."""
-    typed = os.environ.get("COLUMNS", "")
-    if typed.isdecimal() and 0 < len(typed) < 6 and int(typed) > 0:
-        width = int(typed)
-    else:
-        try:
-            width = os.get_terminal_size(handle.fileno()).columns
-        except (OSError, ValueError, AttributeError):
-            width = 0
-    return max(width or _USUAL_WIDTH, _NARROWEST)

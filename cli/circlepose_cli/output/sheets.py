@@ -12,6 +12,7 @@ from typing import IO, TypeAlias
 from circlepose._version import __version__
 from circlepose.io.tables import columns, json_records
 from circlepose.studies.published import Triple
+from circlepose_cli.console.terminal import width_of
 from circlepose_cli.options.declared import FormatChoice
 from circlepose_cli.output.destination import open_output, output_place
 from circlepose_cli.output.results import DELIMITERS, choose_format
@@ -53,13 +54,12 @@ def write_sheet(sheet: Sheet, asked: FormatChoice | None, path: Path | None, *, 
 
 def _write_table(sheet: Sheet, handle: IO[str]) -> None:
     from circlepose_cli.output.grid import Column, Grid, Row, print_grid, without_repeats  # noqa: PLC0415 - needs rich
-    from circlepose_cli.output.screen import Screen  # noqa: PLC0415
 
     headers = ("\n".join(wrap(header, _HEADER_WIDTH, break_long_words=False)) for header in sheet.decimals)
     columns = tuple(map(Column, headers))
     rows = [Row(tuple(shown or "--" for shown in _printed(sheet, row))) for row in sheet.rows]
     print_grid(handle, Grid(columns, without_repeats(rows, 1)))
-    width = Screen.of(handle).width or _NOTE_WIDTH
+    width = width_of(handle) or _NOTE_WIDTH
     for note in sheet.notes:
         handle.write(fill(note, min(width, _NOTE_WIDTH), break_on_hyphens=False) + "\n")
 

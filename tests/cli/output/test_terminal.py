@@ -21,6 +21,7 @@ from circlepose.io.tables.selection import Selection
 from circlepose.io.target_file import read_target
 from circlepose.results import Flag, ImageResult, Status
 from circlepose.targets.target import Target
+from circlepose_cli.console.terminal import fitted
 from circlepose_cli.output.table import write_table
 from tests.support.discs import NORMAL, RADIUS_MM, disc_folder, discs_image, made_circle, made_result
 from tests.support.paths import ROOT
@@ -30,7 +31,7 @@ fcntl = pytest.importorskip("fcntl")
 termios = pytest.importorskip("termios")
 WIDTHS = (60, 80, 100, 140, 200)
 NUMBER = re.compile(r"-?\d+\.\d+")
-STYLE = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
+END = b"\x1c"
 SIGMAS = np.diag(np.array([0.0123, 0.0045, 0.34, 2e-4, 3e-4]) ** 2)
 
 
@@ -66,25 +67,23 @@ def on_terminal(width, write):
     ours, theirs = os.openpty()
     fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 50, width, 0, 0))
     read = bytearray()
-    reader = threading.Thread(target=lambda: read.extend(everything(ours)))
+
+    def read_all():
+        while not read.endswith(END):
+            read.extend(os.read(ours, 65536))
+
+    reader = threading.Thread(target=read_all)
     reader.start()
-    with open(theirs, "w", encoding="utf-8") as handle:  # noqa: PTH123 - a descriptor
-        write(handle)
-    reader.join()
-    return read.decode().replace("\r\n", "\n").splitlines()
-
-
-def everything(descriptor):
-    read = b""
-    while True:
-        try:
-            part = os.read(descriptor, 65536)
-        except OSError:
-            part = b""
-        if not part:
-            os.close(descriptor)
-            return read
-        read += part
+    try:
+        with open(theirs, "w", encoding="utf-8", closefd=False) as handle:
+            write(handle)
+    finally:
+        # What is in the terminal may be lost where it is closed before it is read.
+        os.write(theirs, END)
+        reader.join()
+        os.close(theirs)
+        os.close(ours)
+    return read.removesuffix(END).decode().replace("\r\n", "\n").splitlines()
 
 
 def printed(results, layout="poses", selection=Selection()):  # noqa: B008 - frozen
@@ -245,3 +244,21 @@ def test_the_command_on_a_terminal(tmp_path, width):
     assert max(map(cell_len, lines)) <= width
     assert any("ambiguity" in line for line in lines)
     assert len(numbers(lines)) == 17
+
+
+REPORT = """\
+image       a.png: ok
+
+levels      blur 0.71 px, contrast 160.1 levels, noise and misfit 1.02 levels, darker inside
+uncertainty the image's noise alone; --camera-sigma and --radius-sigma-mm add what dominates in practice
+"""
+
+
+@pytest.mark.parametrize("width", [20, *WIDTHS])
+def test_a_report_in_words_is_broken_between_words(width):
+    lines = on_terminal(width, lambda handle: handle.write(fitted(REPORT, handle, 12)))
+    assert max(map(len, lines)) <= width
+    assert " ".join(" ".join(lines).split()) == " ".join(REPORT.split())
+    assert fitted(REPORT, io.StringIO()) == REPORT
+    if width == 60:
+        assert {line[:12].strip() for line in lines} == {"image", "levels", "uncertainty", ""}
