@@ -21,6 +21,21 @@ _CSV_HEADERS = (
     b"Scene,Source,Candidate,UN,",
     b"Part,Tilt (deg),Scenes,",
 )
+_RESULT_COLUMNS = frozenset(
+    (
+        "solution",
+        "chosen",
+        "sigma_x_mm",
+        "sigma_y_mm",
+        "sigma_z_mm",
+        "sigma_normal_deg",
+        "rim_used",
+        "settled_by",
+        "position_difference_mm",
+        "orientation_difference_deg",
+    )
+)
+"""One of these makes a header of chosen columns ours; the others may stand in a user's own truth or labels."""
 _PNG = b"\x89PNG\r\n\x1a\n"
 _PNG_HEAD_BYTES = 33
 """of the signature and the chunk IHDR, which comes first"""
@@ -46,7 +61,7 @@ def is_marked(head: bytes) -> bool:
     if head.startswith(b"\x1f\x8b"):
         with suppress(zlib.error):
             head = zlib.decompressobj(31).decompress(head, HEAD_BYTES)
-    if head.replace(b"\t", b",").startswith(_CSV_HEADERS):
+    if head.replace(b"\t", b",").startswith(_CSV_HEADERS) or _has_chosen_columns(head):
         return True
     if head.startswith(b'{"schema": "circlepose.'):
         return True
@@ -55,6 +70,15 @@ def is_marked(head: bytes) -> bool:
     if head.startswith((_PNG, _JPEG)):
         return _picture_mark(head) in (_DRAWN, _RENDERED)
     return COMMENT.encode() in head.splitlines()[:3]
+
+
+def _has_chosen_columns(head: bytes) -> bool:
+    """Return whether the first line is the header of a table whose columns were chosen with --columns."""
+    from circlepose.io.tables.columns import COLUMNS  # noqa: PLC0415 - a signal may come while a module is imported
+
+    line, end, _ = head.partition(b"\n")
+    names = set(line.decode("ascii", errors="replace").replace("\t", ",").split(","))
+    return bool(end) and names <= set(COLUMNS) and not names.isdisjoint(_RESULT_COLUMNS)
 
 
 def is_drawn(head: bytes) -> bool:

@@ -20,8 +20,10 @@ from circlepose.errors import CircleposeError
 from circlepose.io.text.escaping import printable, redacted
 from circlepose_cli.commands.camera import camera
 from circlepose_cli.commands.check import check
+from circlepose_cli.commands.completion import REQUEST, completion, know_shells
 from circlepose_cli.commands.demo import demo
 from circlepose_cli.commands.estimate import estimate
+from circlepose_cli.commands.examples import EXAMPLES
 from circlepose_cli.commands.explain import explain
 from circlepose_cli.commands.inspect import inspect
 from circlepose_cli.commands.render import render
@@ -31,6 +33,7 @@ from circlepose_cli.commands.study import study
 from circlepose_cli.console import process
 from circlepose_cli.console.installation import broken_package
 from circlepose_cli.console.streams import standard_streams
+from circlepose_cli.options.help import GroupedCommand
 from circlepose_cli.options.plain_messages import PlainGroup
 
 BUG = 1
@@ -47,8 +50,8 @@ app = typer.Typer(
     no_args_is_help=True,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (demo, estimate, check, inspect, explain, camera, render, statuses, schema):
-    app.command()(command)
+for command in (demo, estimate, check, inspect, explain, camera, render, statuses, schema, completion):
+    app.command(cls=GroupedCommand, epilog=EXAMPLES.get(command.__name__))(command)
 app.add_typer(study)
 
 
@@ -68,7 +71,8 @@ def _print_help(context: typer.Context, wanted: bool) -> None:
 @app.callback(add_help_option=False)
 def _options(
     version: Annotated[
-        bool, typer.Option("--version", help="Print the version and end.", is_eager=True, callback=_print_version)
+        bool,
+        typer.Option("--version", "-V", help="Print the version and end.", is_eager=True, callback=_print_version),
     ] = False,
     help_wanted: Annotated[
         bool, typer.Option("--help", "-h", help="Show this message and end.", is_eager=True, callback=_print_help)
@@ -79,6 +83,8 @@ def _options(
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the command line `args` (default: those of the process) and return the exit code."""
+    if REQUEST in os.environ:
+        know_shells()
     process.show_tracebacks(bool(os.environ.get("CIRCLEPOSE_DEBUG")))
     with standard_streams():
         try:

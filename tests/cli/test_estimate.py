@@ -326,7 +326,7 @@ def test_what_is_left_is_resumed_and_then_nothing_is_left(run, folder, tmp_path,
     code, _, err = run("estimate", folder, "-o", file, "--resume", "--no-refine")
     assert (code, "refine was True and is False" in err) == (2, True)
     code, _, err = run("estimate", folder, "-o", file, "--resume")
-    summary = f"1 finished before\n2 measured, 0 failed, 2 ambiguous: {SETTLE}\n"
+    summary = f"1 finished before\n{file}: written\n2 measured, 0 failed, 2 ambiguous: {SETTLE}\n"
     assert (code, err) == (0, found_notes(folder) + summary)
     assert measured == ["disc0.png", "disc1.png", "disc1.png"]
     assert file.read_bytes() == whole.read_bytes()

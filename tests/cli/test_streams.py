@@ -53,7 +53,7 @@ def test_closed_standard_output_is_no_error_where_a_file_is_given(folder, tmp_pa
     done = shell("$circlepose estimate $1 -o $2 >&-", folder, tmp_path / "t.csv")
     assert (done.returncode, done.stderr.removeprefix(found_notes(folder))) == (
         0,
-        f"2 measured, 0 failed, 2 ambiguous: {SETTLE}\n",
+        f"{tmp_path}/t.csv: written\n2 measured, 0 failed, 2 ambiguous: {SETTLE}\n",
     )
     assert (tmp_path / "t.csv").read_text().count("\ndisc") == 4
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 import cv2
@@ -24,11 +25,17 @@ _FINER = 8
 
 
 def disc_image(center: np.ndarray = CENTER_MM, normal: np.ndarray = NORMAL, camera: Camera = CAMERA) -> Image:
-    """A dark disc on white, drawn `_FINER` times too large and averaged, with a little noise."""
+    """A dark disc on white."""
+    return discs_image([center], normal, camera)
+
+
+def discs_image(centers: Iterable[np.ndarray], normal: np.ndarray, camera: Camera) -> Image:
+    """Dark discs on white, drawn `_FINER` times too large and averaged, with a little noise."""
     width, height = camera.image_size or (320, 240)
-    rim = (circle_contour(camera, center, normal, RADIUS_MM) + 0.5) * _FINER - 0.5
     large = np.full((height * _FINER, width * _FINER), 200, np.uint8)
-    cv2.fillPoly(large, [np.round(rim * 16).astype(np.int32)], 40, shift=4)
+    for center in centers:
+        rim = (circle_contour(camera, center, normal, RADIUS_MM) + 0.5) * _FINER - 0.5
+        cv2.fillPoly(large, [np.round(rim * 16).astype(np.int32)], 40, shift=4)
     small = cv2.resize(large, (width, height), interpolation=cv2.INTER_AREA)
     noise = np.random.default_rng(0).normal(0.0, 1.0, small.shape)
     return np.clip(cv2.GaussianBlur(small, (0, 0), 0.7) + noise, 0, 255).astype(np.uint8)

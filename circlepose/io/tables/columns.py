@@ -145,11 +145,6 @@ def write_csv(results: Iterable[ImageResult], handle: TextIO) -> None:
     write_csv_rows(COLUMNS, pose_rows, results, handle)
 
 
-def write_tsv(results: Iterable[ImageResult], handle: TextIO) -> None:
-    """Write the `poses` layout with tabs between the columns; otherwise as `write_csv`."""
-    write_csv_rows(COLUMNS, pose_rows, results, handle, delimiter="\t")
-
-
 def write_csv_rows(
     columns: tuple[str, ...],
     rows_of: Callable[[ImageResult], Iterable[Row]],

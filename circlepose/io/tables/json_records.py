@@ -20,8 +20,11 @@ POSES_SCHEMA = "circlepose.poses/1"
 _CONTROLS = re.compile("[\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
 
 
-def image_record(result: ImageResult) -> Row:
-    """Return one image as nested values; every key is always there, None where there is nothing to say."""
+def image_record(result: ImageResult, *, chosen_only: bool = False) -> Row:
+    """Return one image as nested values; every key is always there, None where there is nothing to say.
+
+    With `chosen_only` a circle's solutions are the one that is chosen, under its number.
+    """
     width, height = result.image_size or (None, None)
     return {
         "image": result.image,
@@ -30,7 +33,7 @@ def image_record(result: ImageResult) -> Row:
         "remark": result.remark,
         "width": width,
         "height": height,
-        "circles": [_circle_record(circle) for circle in result.circles],
+        "circles": [_circle_record(circle, chosen_only=chosen_only) for circle in result.circles],
     }
 
 
@@ -85,9 +88,11 @@ _SOLUTION_KEYS = (
 )
 
 
-def _circle_record(circle: CircleResult) -> Row:
+def _circle_record(circle: CircleResult, *, chosen_only: bool) -> Row:
     solutions = []
     for number, candidate in enumerate(circle.candidates):
+        if chosen_only and number != circle.chosen:
+            continue
         fields = candidate_fields(candidate, number, chosen=number == circle.chosen) | {
             "covariance": _matrix(candidate.covariance),
             "covariance_terms": _terms_record(candidate.covariance_terms),
@@ -124,9 +129,9 @@ def _matrix(matrix: FloatArray | None) -> list[list[float]] | None:
     return None if matrix is None else matrix.tolist()
 
 
-def write_json(results: Iterable[ImageResult], handle: TextIO) -> None:
+def write_json(results: Iterable[ImageResult], handle: TextIO, *, chosen_only: bool = False) -> None:
     """Write one document, an image a line: {"schema", "version", "images": [...]}."""
-    write_json_document(POSES_SCHEMA, "images", lambda result: [image_record(result)], results, handle)
+    write_json_document(POSES_SCHEMA, "images", _records(chosen_only), results, handle)
 
 
 def write_json_document(
@@ -151,9 +156,13 @@ def write_json_document(
         handle.flush()
 
 
-def write_jsonl(results: Iterable[ImageResult], handle: TextIO) -> None:
+def write_jsonl(results: Iterable[ImageResult], handle: TextIO, *, chosen_only: bool = False) -> None:
     """Write one object a line for each image, with the schema in each; flushed image by image."""
-    write_json_lines(POSES_SCHEMA, lambda result: [image_record(result)], results, handle)
+    write_json_lines(POSES_SCHEMA, _records(chosen_only), results, handle)
+
+
+def _records(chosen_only: bool) -> Callable[[ImageResult], Iterable[Row]]:
+    return lambda result: [image_record(result, chosen_only=chosen_only)]
 
 
 def write_json_lines(

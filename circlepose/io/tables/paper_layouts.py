@@ -19,6 +19,7 @@ from circlepose.io.tables import Layout, json_records
 from circlepose.io.tables import columns as tables
 from circlepose.io.tables.columns import Row
 from circlepose.io.tables.reference import CircleKey, Reference
+from circlepose.io.tables.selection import EVERYTHING, Selection
 from circlepose.results import CircleResult, ImageResult
 from circlepose.solvers.fu_zhou_coaxial import generatrix_ends
 
@@ -167,28 +168,32 @@ def write_results(
     data_format: DataFormat,
     layout: Layout,
     reference: Reference | None = None,
+    selection: Selection = EVERYTHING,
 ) -> None:
-    """Write all `results` to `handle` in one of the data formats and layouts; `reference` for `table2`."""
+    """Write all `results` to `handle` in one of the data formats and layouts; `reference` for `table2`.
+
+    Of `selection`, the columns hold for rows of the layout `poses`; JSON has all keys.
+    """
+    delimiter = "\t" if data_format == "tsv" else ","
     if layout == "poses":
-        writers = {
-            "csv": tables.write_csv,
-            "tsv": tables.write_tsv,
-            "json": json_records.write_json,
-            "jsonl": json_records.write_jsonl,
-        }
-        writers[data_format](results, handle)
+        if data_format == "json":
+            json_records.write_json(results, handle, chosen_only=selection.chosen_only)
+        elif data_format == "jsonl":
+            json_records.write_jsonl(results, handle, chosen_only=selection.chosen_only)
+        else:
+            tables.write_csv_rows(selection.header, selection.pose_rows, results, handle, delimiter=delimiter)
         return
     columns, rows_of = columns_and_rows(layout, reference, numbers=True)
     schema = f"circlepose.{layout}/1"
 
     def printed_rows(result: ImageResult) -> Iterator[Row]:
-        return (printed(row, columns) for row in rows_of(result))
+        return (printed(row, columns) for row in selection.printed_rows(rows_of(result)))
 
     def plain_rows(result: ImageResult) -> Iterator[Row]:
-        return ({column: _listed(row.get(column)) for column in columns} for row in rows_of(result))
+        rows = selection.printed_rows(rows_of(result))
+        return ({column: _listed(row.get(column)) for column in columns} for row in rows)
 
     if data_format in {"csv", "tsv"}:
-        delimiter = "," if data_format == "csv" else "\t"
         tables.write_csv_rows(columns, printed_rows, results, handle, delimiter=delimiter)
     elif data_format == "json":
         json_records.write_json_document(schema, "rows", plain_rows, results, handle)

@@ -9,8 +9,9 @@ from itertools import chain, islice
 from typing import Any, BinaryIO
 
 from circlepose.errors import UsageError
-from circlepose.io.tables.columns import COLUMNS, TEXT_COLUMNS, WHOLE_NUMBER_COLUMNS, pose_rows
+from circlepose.io.tables.columns import TEXT_COLUMNS, WHOLE_NUMBER_COLUMNS
 from circlepose.io.tables.json_records import POSES_SCHEMA
+from circlepose.io.tables.selection import EVERYTHING, Selection
 from circlepose.io.text.escaping import quoted
 from circlepose.results import ImageResult
 
@@ -23,18 +24,18 @@ def require_parquet() -> None:
         raise UsageError("Parquet needs pyarrow, which is not installed; run: pip install 'circlepose[tables]'")
 
 
-def write_parquet(results: Iterable[ImageResult], handle: BinaryIO) -> None:
+def write_parquet(results: Iterable[ImageResult], handle: BinaryIO, selection: Selection = EVERYTHING) -> None:
     """Write the rows of all `results` with typed columns; null where a table of text has an empty cell."""
     require_parquet()
     import pyarrow  # noqa: PLC0415 - an extra
     from pyarrow import parquet  # noqa: PLC0415
 
-    fields = [(name, _kind(name, pyarrow)) for name in COLUMNS]
+    fields = [(name, _kind(name, pyarrow)) for name in selection.header]
     schema = pyarrow.schema(fields, metadata={"schema": POSES_SCHEMA})
-    rows = chain.from_iterable(map(pose_rows, results))
+    rows = chain.from_iterable(map(selection.pose_rows, results))
     with parquet.ParquetWriter(handle, schema) as writer:
         while batch := list(islice(rows, _BATCH_ROWS)):
-            columns = {name: [_value(row.get(name)) for row in batch] for name in COLUMNS}
+            columns = {name: [_value(row.get(name)) for row in batch] for name in selection.header}
             writer.write_table(pyarrow.table(columns, schema=schema))
 
 

@@ -54,15 +54,19 @@ def read_pose_file(content: bytes, name: str, *, truth_allowed: bool = False) ->
     """
     form, columns, rows = read_rows(content, name)
     if not any(column in columns for column in _POSES_ONLY):
-        if truth_allowed:
+        # Two candidates a circle are no truth: a table that --columns made too narrow.
+        if truth_allowed and "chosen" not in columns:
             return PoseFile(name, form, content, _truth(rows, _renaming(columns, name)))
         raise UsageError(
             f"{name}: has no column {' and no column '.join(_POSES_ONLY)}; expected a table made by "
-            "`circlepose estimate` in the layout poses."
+            "`circlepose estimate` in the layout poses, without --columns or with these too."
         )
     missing = [column for column in _POSES_COLUMNS if column not in columns]
     if missing:
-        raise UsageError(f"{name}: has no column {missing[0]}; expected a table in the layout poses.")
+        raise UsageError(
+            f"{name}: has no column {missing[0]}; expected a table in the layout poses. If it was made "
+            f"with --columns, name these too: {', '.join(missing)}."
+        )
     return PoseFile(name, form, content, _poses(rows))
 
 

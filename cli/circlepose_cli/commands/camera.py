@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from circlepose_cli.console import process
+from circlepose_cli.console.terminal import fitted
 from circlepose_cli.options import declared
 from circlepose_cli.options.declared import ReportFormat
 
@@ -42,4 +44,4 @@ def camera(
     if report_format is ReportFormat.JSON:
         typer.echo(json.dumps(report_record(report), indent=2, allow_nan=False))
     else:
-        typer.echo(report_text(report))
+        typer.echo(fitted(report_text(report), sys.stdout))

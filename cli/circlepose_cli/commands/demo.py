@@ -12,7 +12,7 @@ from circlepose_cli.options import declared
 
 
 def demo(
-    folder: Annotated[Path, typer.Argument(metavar="[DIR]", help="Folder to make.")] = Path("circlepose-demo"),
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to make.")] = Path("circlepose-demo"),
     verbose: declared.Verbose = False,
 ) -> None:
     """Write an example image and measure it.

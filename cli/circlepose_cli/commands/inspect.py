@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import sys
+
 import typer
 
 from circlepose_cli.console import process
+from circlepose_cli.console.terminal import fitted
 from circlepose_cli.options.declared import ReportFormat
 from circlepose_cli.options.groups import takes
 from circlepose_cli.options.requests import InspectRequest
@@ -32,5 +35,7 @@ def inspect(request: InspectRequest) -> None:
     if request.picture is not None:
         drawn = draw_inspection(pixels, inspection)
         write_image(request.picture, drawn, drawn=True, overwrite=request.overwrite)
-    report = report_json if request.report_format is ReportFormat.JSON else report_text
-    typer.echo(report(str(request.image), inspection))
+    if request.report_format is ReportFormat.JSON:
+        typer.echo(report_json(str(request.image), inspection))
+    else:
+        typer.echo(fitted(report_text(str(request.image), inspection), sys.stdout))

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import sys
+
 import typer
+
+from circlepose_cli.console.terminal import fitted
 
 
 def statuses() -> None:
@@ -10,9 +14,7 @@ def statuses() -> None:
     from circlepose.results import FLAG_MEANING, STATUS_MEANING  # noqa: PLC0415 - needs NumPy
 
     width = max(map(len, (*STATUS_MEANING, *FLAG_MEANING)))
-    typer.echo("Status:")
-    for status, meaning in STATUS_MEANING.items():
-        typer.echo(f"  {status:<{width}}  {meaning}")
-    typer.echo("Flags:")
-    for flag, meaning in FLAG_MEANING.items():
-        typer.echo(f"  {flag:<{width}}  {meaning}")
+    lines = []
+    for title, meanings in (("Status:", STATUS_MEANING), ("Flags:", FLAG_MEANING)):
+        lines += [title, *(f"  {name:<{width}}  {meaning}" for name, meaning in meanings.items())]
+    typer.echo(fitted("\n".join(lines), sys.stdout))

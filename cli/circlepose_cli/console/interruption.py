@@ -34,9 +34,10 @@ def _numbers() -> list[signal.Signals]:
 
 def _end_at_once(_number: int, _frame: FrameType | None) -> None:
     # No exception: raised within an import or a callback it would be printed, or swallowed.
-    atomic = sys.modules.get("circlepose.io.atomic")
-    if atomic is not None:
-        atomic.remove_unfinished()
+    # A module that is not there, or still being imported, has written nothing.
+    remove_unfinished = getattr(sys.modules.get("circlepose.io.atomic"), "remove_unfinished", None)
+    if remove_unfinished is not None:
+        remove_unfinished()
     with suppress(OSError, ValueError):
         show_cursor = b"\x1b[?25h" if os.isatty(2) else b""
         os.write(2, show_cursor + b"circlepose: interrupted\n")

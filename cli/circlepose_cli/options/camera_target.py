@@ -15,6 +15,7 @@ from circlepose.detection import EXTRACTIONS, Extraction
 from circlepose.targets import Direction, Side
 from circlepose_cli.options import declared, parse
 from circlepose_cli.options.groups import Parsed
+from circlepose_cli.options.help import Group
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,6 +32,7 @@ class CameraTargetOptions:
             metavar="FILE",
             help="Calibration: OpenCV YAML/XML/JSON, ROS camera_info, Kalibr camchain or our own YAML. "
             "Default: the camera.yaml beside each image.",
+            rich_help_panel=Group.CAMERA,
         ),
     ] = None
     camera_name: declared.CameraName = None
@@ -40,6 +42,7 @@ class CameraTargetOptions:
             "--target",
             metavar="FILE",
             help="Target file. Default: the target.yaml beside each image, else target: in the calibration file.",
+            rich_help_panel=Group.TARGET,
         ),
     ] = None
     radius_mm: Annotated[
@@ -49,6 +52,7 @@ class CameraTargetOptions:
             metavar="R",
             parser=parse.number_of_mm,
             help="Look for one circle of this radius in mm (not its diameter).",
+            rich_help_panel=Group.TARGET,
         ),
     ] = None
     radius_sigma_mm: Annotated[
@@ -58,6 +62,7 @@ class CameraTargetOptions:
             metavar="MM",
             parser=parse.number_of_mm,
             help="How well the radius is known: its standard deviation.",
+            rich_help_panel=Group.TARGET,
         ),
     ] = None
     camera_sigma: Annotated[
@@ -66,13 +71,17 @@ class CameraTargetOptions:
             "--camera-sigma",
             metavar="FOCAL_PX,CENTER_PX",
             help="How well the camera is known: standard deviations of its focal length and principal point, in px.",
+            rich_help_panel=Group.CAMERA,
         ),
         Parsed(parse.camera_sigma),
     ] = None
     count: Annotated[
         int | Literal["all"] | None,
         typer.Option(
-            "--count", metavar="N|all", help="Targets in each image. Default: what the target says, else 1."
+            "--count",
+            metavar="N|all",
+            help="Targets in each image. Default: what the target says, else 1.",
+            rich_help_panel=Group.TARGET,
         ),
         Parsed(parse.count),
     ] = None
@@ -83,6 +92,7 @@ class CameraTargetOptions:
             "--depth-range-mm",
             metavar="NEAR:FAR",
             help="Accept only circles whose center has its z in this interval, in mm.",
+            rich_help_panel=Group.TARGET,
         ),
         Parsed(parse.interval),
     ] = None
@@ -93,12 +103,16 @@ class CameraTargetOptions:
         typer.Option(
             "--coplanar/--no-coplanar",
             help="Whether all circles of an image lie in one plane, which helps to choose the pose.",
+            rich_help_panel=Group.AMBIGUITY,
         ),
     ] = None
     normal: Annotated[
         Direction | None,
         typer.Option(
-            "--normal", metavar="X,Y,Z", help="Roughly where the circles' normals point, in the camera frame: a hint."
+            "--normal",
+            metavar="X,Y,Z",
+            help="Roughly where the circles' normals point, in the camera frame: a hint.",
+            rich_help_panel=Group.AMBIGUITY,
         ),
         Parsed(parse.direction),
     ] = None
@@ -108,23 +122,35 @@ class CameraTargetOptions:
             "--normal-spread-deg",
             metavar="DEG",
             help="Standard deviation of --normal. Default: the target's, else 20.",
+            rich_help_panel=Group.AMBIGUITY,
         ),
     ] = None
     up: Annotated[
         Direction | None,
-        typer.Option("--up", metavar="X,Y,Z", help="The surfaces are horizontal, and this is the vertical: a hint."),
+        typer.Option(
+            "--up",
+            metavar="X,Y,Z",
+            help="The surfaces are horizontal, and this is the vertical: a hint.",
+            rich_help_panel=Group.AMBIGUITY,
+        ),
         Parsed(parse.direction),
     ] = None
     up_spread_deg: Annotated[
         float | None,
         typer.Option(
-            "--up-spread-deg", metavar="DEG", help="Standard deviation of --up. Default: the target's, else 10."
+            "--up-spread-deg",
+            metavar="DEG",
+            help="Standard deviation of --up. Default: the target's, else 10.",
+            rich_help_panel=Group.AMBIGUITY,
         ),
     ] = None
     facing: Annotated[
         Side | Direction | None,
         typer.Option(
-            "--facing", metavar="SIDE", help="Side that the surfaces face: left, right, up, down or X,Y,Z; a hint."
+            "--facing",
+            metavar="SIDE",
+            help="Side that the surfaces face: left, right, up, down or X,Y,Z; a hint.",
+            rich_help_panel=Group.AMBIGUITY,
         ),
         Parsed(parse.facing),
     ] = None
@@ -137,18 +163,32 @@ class StageOptions:
     refine: Annotated[
         bool,
         typer.Option(
-            "--refine/--no-refine", help="Fit edges and gray levels along the predicted rim, or the contour only."
+            "--refine/--no-refine",
+            help="Fit edges and gray levels along the predicted rim, or the contour only.",
+            rich_help_panel=Group.DETECTION,
         ),
     ] = True
     extraction: Annotated[
         Extraction,
-        typer.Option("--extraction", help="Where contours start from: connected edges, or region borders on edges."),
+        typer.Option(
+            "--extraction",
+            help="Where contours start from: connected edges, or region borders on edges.",
+            rich_help_panel=Group.DETECTION,
+        ),
     ] = EXTRACTIONS[0]
     scale_calibration: Annotated[
         bool,
-        typer.Option("--scale-calib", help="Scale the calibration to images of another size."),
+        typer.Option(
+            "--scale-calib",
+            help="Scale the calibration to images of another size.",
+            rich_help_panel=Group.CAMERA,
+        ),
     ] = False
     force_calibration: Annotated[
         bool,
-        typer.Option("--force-calib", help="Use a calibration although it looks wrong."),
+        typer.Option(
+            "--force-calib",
+            help="Use a calibration although it looks wrong.",
+            rich_help_panel=Group.CAMERA,
+        ),
     ] = False

@@ -13,6 +13,7 @@ import typer
 
 from circlepose.targets import Polarity as PolarityName
 from circlepose_cli.options.groups import Parsed
+from circlepose_cli.options.help import Group
 from circlepose_cli.options.parse import Interval, interval
 
 
@@ -57,38 +58,89 @@ class ReportFormat(StrEnum):
 CameraName: TypeAlias = Annotated[
     str | None,
     typer.Option(
-        "--camera-name", metavar="NAME", help="Which camera of a calibration file with several, such as cam1."
+        "--camera-name",
+        metavar="NAME",
+        help="Which camera of a calibration file with several, such as cam1.",
+        rich_help_panel=Group.CAMERA,
     ),
 ]
 Polarity: TypeAlias = Annotated[
     PolarityName | None,
-    typer.Option("--polarity", help="Whether the disc is darker or brighter than its surroundings."),
+    typer.Option(
+        "--polarity",
+        help="Whether the disc is darker or brighter than its surroundings.",
+        rich_help_panel=Group.DETECTION,
+    ),
 ]
 MajorPx: TypeAlias = Annotated[
     Interval | None,
-    typer.Option("--major-px", metavar="LOW:HIGH", help="Accepted full length of the ellipse's major axis, in px."),
+    typer.Option(
+        "--major-px",
+        metavar="LOW:HIGH",
+        help="Accepted full length of the ellipse's major axis, in px.",
+        rich_help_panel=Group.DETECTION,
+    ),
     Parsed(interval),
 ]
 MinorPx: TypeAlias = Annotated[
     Interval | None,
-    typer.Option("--minor-px", metavar="LOW:HIGH", help="Accepted full length of the ellipse's minor axis, in px."),
+    typer.Option(
+        "--minor-px",
+        metavar="LOW:HIGH",
+        help="Accepted full length of the ellipse's minor axis, in px.",
+        rich_help_panel=Group.DETECTION,
+    ),
     Parsed(interval),
 ]
 Format: TypeAlias = Annotated[
     FormatChoice | None,
-    typer.Option("--format", help="Default: table on a terminal, csv in a pipe, by the ending of -o FILE."),
+    typer.Option(
+        "--format",
+        help="Default: table on a terminal, csv in a pipe, by the ending of -o FILE.",
+        rich_help_panel=Group.OUTPUT,
+    ),
 ]
-Report: TypeAlias = Annotated[ReportFormat, typer.Option("--format", help="Plain words, or JSON.")]
+Report: TypeAlias = Annotated[
+    ReportFormat,
+    typer.Option(
+        "--format",
+        help="Plain words, or JSON.",
+        rich_help_panel=Group.OUTPUT,
+    ),
+]
 Output: TypeAlias = Annotated[
     Path | None,
     typer.Option(
-        "--output", "-o", metavar="FILE", help="Write to this file, whole or not at all, not to standard output."
+        "--output",
+        "-o",
+        metavar="FILE",
+        help="Write to this file, whole or not at all, not to standard output.",
+        rich_help_panel=Group.OUTPUT,
     ),
 ]
 Overwrite: TypeAlias = Annotated[
-    bool, typer.Option("--overwrite", help="Replace files that circlepose did not write, too.")
+    bool,
+    typer.Option(
+        "--overwrite",
+        help="Replace files that circlepose did not write, too.",
+        rich_help_panel=Group.OUTPUT,
+    ),
 ]
-Quiet: TypeAlias = Annotated[bool, typer.Option("--quiet", "-q", help="Print only the error that ends the run.")]
+Quiet: TypeAlias = Annotated[
+    bool,
+    typer.Option(
+        "--quiet",
+        "-q",
+        help="Print only the error that ends the run.",
+        rich_help_panel=Group.RUNNING,
+    ),
+]
 Verbose: TypeAlias = Annotated[
-    bool, typer.Option("--verbose", "-v", help="Print what is used and rejected, and tracebacks of bugs.")
+    bool,
+    typer.Option(
+        "--verbose",
+        "-v",
+        help="Print what is used and rejected, and tracebacks of bugs.",
+        rich_help_panel=Group.RUNNING,
+    ),
 ]

@@ -18,6 +18,7 @@ from circlepose_cli.options import declared, parse
 from circlepose_cli.options.camera_target import CameraTargetOptions, StageOptions
 from circlepose_cli.options.declared import ReportFormat, StdinChoice
 from circlepose_cli.options.groups import Parsed
+from circlepose_cli.options.help import Group
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,29 +35,73 @@ class EstimateRequest:
     ]
     stdin: Annotated[
         StdinChoice,
-        typer.Option("--stdin", help="What - stands for: paths, or one image. Default: by its first bytes."),
+        typer.Option(
+            "--stdin",
+            help="What - stands for: paths, or one image. Default: by its first bytes.",
+            rich_help_panel=Group.INPUT,
+        ),
     ] = StdinChoice.AUTO
     nul: Annotated[
-        bool, typer.Option("-0", "--null", help="Paths on standard input end with NUL, as of find -print0.")
+        bool,
+        typer.Option(
+            "-0",
+            "--null",
+            help="Paths on standard input end with NUL, as of find -print0.",
+            rich_help_panel=Group.INPUT,
+        ),
     ] = False
     known: CameraTargetOptions
     method: Annotated[
         Literal[Method, "all"],
-        typer.Option("--method", help="How the candidate poses are computed; all compares them."),
+        typer.Option(
+            "--method",
+            help="How the candidate poses are computed; all compares them.",
+            rich_help_panel=Group.AMBIGUITY,
+        ),
     ] = "chen-huang"
     stages: StageOptions
-    recursive: Annotated[bool, typer.Option("--recursive", "-r", help="Take the images in subfolders too.")] = False
+    recursive: Annotated[
+        bool,
+        typer.Option(
+            "--recursive",
+            "-r",
+            help="Take the images in subfolders too.",
+            rich_help_panel=Group.INPUT,
+        ),
+    ] = False
     output_format: declared.Format = None
     layout: Annotated[
         Layout,
         typer.Option(
-            "--layout", help="Rows: all candidate poses, Table I of Chen & Huang, or Tables 1, 2 of Fu & Zhou."
+            "--layout",
+            help="Rows: all candidate poses, Table I of Chen & Huang, or Tables 1, 2 of Fu & Zhou.",
+            rich_help_panel=Group.OUTPUT,
         ),
     ] = "poses"
+    chosen_only: Annotated[
+        bool,
+        typer.Option(
+            "--chosen-only",
+            help="Leave out the candidate poses that are not chosen.",
+            rich_help_panel=Group.OUTPUT,
+        ),
+    ] = False
+    columns: Annotated[
+        str | None,
+        typer.Option(
+            "--columns",
+            metavar="NAME,...",
+            help="Columns to write, in this order; csv, tsv, parquet and table.",
+            rich_help_panel=Group.OUTPUT,
+        ),
+    ] = None
     reference: Annotated[
         Path | None,
         typer.Option(
-            "--reference", metavar="FILE", help="With --layout table2: truth or poses, to print beside, with errors."
+            "--reference",
+            metavar="FILE",
+            help="With --layout table2: truth or poses, to print beside, with errors.",
+            rich_help_panel=Group.OUTPUT,
         ),
     ] = None
     output: Annotated[
@@ -67,20 +112,36 @@ class EstimateRequest:
             metavar="FILE",
             help="Write to this file or URL, whole or not at all; .csv, .tsv, .json, .jsonl (each also .gz) or "
             ".parquet.",
+            rich_help_panel=Group.OUTPUT,
         ),
     ] = None
     overlay: Annotated[
-        Path | None, typer.Option("--overlay", metavar="DIR", help="Draw each result over its image, as PNG in DIR.")
+        Path | None,
+        typer.Option(
+            "--overlay",
+            metavar="DIR",
+            help="Draw each result over its image, as PNG in DIR.",
+            rich_help_panel=Group.OUTPUT,
+        ),
     ] = None
     overwrite: declared.Overwrite = False
     jobs: Annotated[
         int | None,
-        typer.Option("--jobs", metavar="N", min=1, help="Worker processes. Default: one a core, for many images."),
+        typer.Option(
+            "--jobs",
+            metavar="N",
+            min=1,
+            help="Worker processes. Default: one a core, for many images.",
+            rich_help_panel=Group.RUNNING,
+        ),
     ] = None
     cluster: Annotated[
         str | None,
         typer.Option(
-            "--cluster", metavar="ADDRESS", help="Measure on the cluster of this dask scheduler: tcp://host:8786."
+            "--cluster",
+            metavar="ADDRESS",
+            help="Measure on the cluster of this dask scheduler: tcp://host:8786.",
+            rich_help_panel=Group.RUNNING,
         ),
     ] = None
     timeout: Annotated[
@@ -90,12 +151,17 @@ class EstimateRequest:
             metavar="SECONDS",
             help="Longest time for one image; the run goes on without it. Default: 120.",
             show_default=False,
+            rich_help_panel=Group.RUNNING,
         ),
         Parsed(parse.positive_seconds, typed=float),
     ] = None
     resume: Annotated[
         bool,
-        typer.Option("--resume", help="Continue a run that did not finish; needs its -o FILE."),
+        typer.Option(
+            "--resume",
+            help="Continue a run that did not finish; needs its -o FILE.",
+            rich_help_panel=Group.RUNNING,
+        ),
     ] = False
     quiet: declared.Quiet = False
     verbose: declared.Verbose = False
@@ -114,6 +180,7 @@ class ExplainRequest:
             "--picture",
             metavar="FILE",
             help="Draw the band around each rim, its residuals and the profile across the edge, as PNG.",
+            rich_help_panel=Group.OUTPUT,
         ),
     ] = None
     report_format: declared.Report = ReportFormat.TEXT
@@ -130,14 +197,22 @@ class InspectRequest:
     picture: Annotated[
         Path | None,
         typer.Option(
-            "--picture", metavar="FILE", help="Draw the kept contours in green and the rejected ones in red."
+            "--picture",
+            metavar="FILE",
+            help="Draw the kept contours in green and the rejected ones in red.",
+            rich_help_panel=Group.OUTPUT,
         ),
     ] = None
     polarity: declared.Polarity = None
     major_px: declared.MajorPx = None
     minor_px: declared.MinorPx = None
     rings: Annotated[
-        bool, typer.Option("--rings", help="Keep circles inside others of the same center, as in ring targets.")
+        bool,
+        typer.Option(
+            "--rings",
+            help="Keep circles inside others of the same center, as in ring targets.",
+            rich_help_panel=Group.DETECTION,
+        ),
     ] = False
     report_format: declared.Report = ReportFormat.TEXT
     overwrite: declared.Overwrite = False
@@ -154,22 +229,53 @@ class CheckRequest:
     ]
     against: Annotated[
         Path,
-        typer.Option("--against", metavar="FILE", help="A table made by estimate before, or a truth as CSV."),
+        typer.Option(
+            "--against",
+            metavar="FILE",
+            help="A table made by estimate before, or a truth as CSV.",
+            rich_help_panel=Group.COMPARISON,
+        ),
     ]
-    position_mm: Annotated[float, typer.Option("--position-mm", metavar="MM", help="Tolerance of the center.")] = 0.5
-    normal_deg: Annotated[float, typer.Option("--normal-deg", metavar="DEG", help="Tolerance of the normal.")] = 0.1
+    position_mm: Annotated[
+        float,
+        typer.Option(
+            "--position-mm",
+            metavar="MM",
+            help="Tolerance of the center.",
+            rich_help_panel=Group.COMPARISON,
+        ),
+    ] = 0.5
+    normal_deg: Annotated[
+        float,
+        typer.Option(
+            "--normal-deg",
+            metavar="DEG",
+            help="Tolerance of the normal.",
+            rich_help_panel=Group.COMPARISON,
+        ),
+    ] = 0.1
     candidate: Annotated[
         CandidateChoice,
-        typer.Option("--candidate", help="Compare the chosen candidate, or that nearest to the reference."),
+        typer.Option(
+            "--candidate",
+            help="Compare the chosen candidate, or that nearest to the reference.",
+            rich_help_panel=Group.COMPARISON,
+        ),
     ] = "chosen"
     update: Annotated[
-        bool, typer.Option("--update", help="Make POSES the baseline, whatever moved; not for a truth.")
+        bool,
+        typer.Option(
+            "--update",
+            help="Make POSES the baseline, whatever moved; not for a truth.",
+            rich_help_panel=Group.COMPARISON,
+        ),
     ] = False
     output_format: Annotated[
         declared.CheckFormat | None,
         typer.Option(
             "--format",
             help="Default: table on a terminal, csv in a pipe. github: annotations and summary of GitHub Actions.",
+            rich_help_panel=Group.OUTPUT,
         ),
     ] = None
     quiet: declared.Quiet = False

@@ -34,6 +34,11 @@ def output_place(typed: str | os.PathLike[str] | None) -> Place | None:
     return None if typed is None or str(typed) in _STANDARD_OUTPUT else place_of(str(typed))
 
 
+def is_file(output: Place) -> bool:
+    """Return whether `output` is a file, here or at a URL: not a device or a pipe."""
+    return isinstance(output, RemoteFile) or is_replaceable_file(output)
+
+
 def open_journal(output: Place | None, options: MeasureOptions, *, resume: bool, overwrite: bool) -> Journal | None:
     """Open the journal of `output`; None where that is not a regular file, so that a run cannot be resumed.
 

@@ -12,6 +12,7 @@ from circlepose.io.remote.images import Place, RemoteFile
 from circlepose.io.tables import Layout
 from circlepose.io.tables.paper_layouts import DataFormat, write_results
 from circlepose.io.tables.reference import Reference
+from circlepose.io.tables.selection import EVERYTHING, Selection, read_columns
 from circlepose.results import ImageResult
 from circlepose_cli.options.declared import FormatChoice
 
@@ -69,6 +70,22 @@ def is_compressed(output: Place) -> bool:
     return output.name.lower().endswith(".gz")
 
 
+def choose_rows(
+    typed_columns: str | None, *, chosen_only: bool, output_format: FormatChoice, layout: Layout
+) -> Selection:
+    """Return the rows and columns asked for; raises `UsageError` where columns cannot be chosen."""
+    if typed_columns is None:
+        return Selection(chosen_only=chosen_only)
+    if layout != "poses":
+        raise UsageError(f"--columns: goes with --layout poses; {layout} has the columns of its paper.")
+    if output_format in (FormatChoice.JSON, FormatChoice.JSONL):
+        raise UsageError(
+            f"--columns: goes with csv, tsv, parquet and table; {output_format} always has all keys, "
+            "which jq, for example, selects."
+        )
+    return Selection(read_columns("--columns", typed_columns), chosen_only)
+
+
 def write_output(
     results: Iterable[ImageResult],
     handle: IO[str] | IO[bytes],
@@ -76,16 +93,24 @@ def write_output(
     output_format: FormatChoice,
     layout: Layout,
     reference: Reference | None = None,
+    selection: Selection = EVERYTHING,
 ) -> None:
     """Write `results` to `handle`, binary for Parquet and text otherwise; `reference` for the layout `table2`."""
     if output_format is FormatChoice.TABLE:
         from circlepose_cli.output.table import write_table  # noqa: PLC0415 - needs rich
 
-        write_table(results, handle, layout, reference)  # type: ignore[arg-type]
+        write_table(results, handle, layout, reference, selection)  # type: ignore[arg-type]
     elif output_format is FormatChoice.PARQUET:
         from circlepose.io.tables.parquet import write_parquet  # noqa: PLC0415 - few ask for it
 
-        write_parquet(results, handle)  # type: ignore[arg-type]
+        write_parquet(results, handle, selection)  # type: ignore[arg-type]
     else:
         data_format = _DATA_FORMATS[output_format]
-        write_results(results, handle, data_format=data_format, layout=layout, reference=reference)  # type: ignore[arg-type]
+        write_results(
+            results,
+            handle,  # type: ignore[arg-type]
+            data_format=data_format,
+            layout=layout,
+            reference=reference,
+            selection=selection,
+        )

@@ -9,20 +9,15 @@ from pathlib import Path
 from textwrap import fill, wrap
 from typing import IO, TypeAlias
 
-from rich import box
-from rich.console import Console
-from rich.table import Table
-from rich.text import Text
-
 from circlepose._version import __version__
 from circlepose.io.tables import columns, json_records
 from circlepose.studies.published import Triple
+from circlepose_cli.console.terminal import width_of
 from circlepose_cli.options.declared import FormatChoice
 from circlepose_cli.output.destination import open_output, output_place
 from circlepose_cli.output.results import DELIMITERS, choose_format
 
 Cell: TypeAlias = str | float | Triple | None
-_PIPE_WIDTH = 200
 _HEADER_WIDTH = 11
 _NOTE_WIDTH = 120
 
@@ -58,19 +53,15 @@ def write_sheet(sheet: Sheet, asked: FormatChoice | None, path: Path | None, *, 
 
 
 def _write_table(sheet: Sheet, handle: IO[str]) -> None:
-    console = Console(file=handle, width=None if handle.isatty() else _PIPE_WIDTH, highlight=False)
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
-    for header in sheet.decimals:
-        table.add_column("\n".join(wrap(header, _HEADER_WIDTH, break_long_words=False)), overflow="fold")
-    above: list[str] = []
-    for row in sheet.rows:
-        cells = [shown or "--" for shown in _printed(sheet, row)]
-        repeats = bool(above) and cells[0] == above[0]
-        table.add_row(*map(Text, ["" if repeats else cells[0], *cells[1:]]))
-        above = cells
-    console.print(table)
+    from circlepose_cli.output.grid import Column, Grid, Row, print_grid, without_repeats  # noqa: PLC0415 - needs rich
+
+    headers = ("\n".join(wrap(header, _HEADER_WIDTH, break_long_words=False)) for header in sheet.decimals)
+    columns = tuple(map(Column, headers))
+    rows = [Row(tuple(shown or "--" for shown in _printed(sheet, row))) for row in sheet.rows]
+    print_grid(handle, Grid(columns, without_repeats(rows, 1)))
+    width = width_of(handle) or _NOTE_WIDTH
     for note in sheet.notes:
-        handle.write(fill(note, min(console.width, _NOTE_WIDTH), break_on_hyphens=False) + "\n")
+        handle.write(fill(note, min(width, _NOTE_WIDTH), break_on_hyphens=False) + "\n")
 
 
 def _write_csv(sheet: Sheet, handle: IO[str], delimiter: str) -> None:

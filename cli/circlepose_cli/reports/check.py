@@ -16,7 +16,6 @@ from circlepose_cli.output.results import DELIMITERS
 
 SCHEMA = "circlepose.check/1"
 COLUMNS = tuple(Difference.__dataclass_fields__)
-_PIPE_WIDTH = 200
 
 
 def write_comparison(
@@ -56,31 +55,40 @@ def _write_csv(comparison: Comparison, handle: TextIO, delimiter: str) -> None:
 
 
 def _write_table(comparison: Comparison, handle: TextIO) -> None:
-    from rich import box  # noqa: PLC0415 - only where it is shown
-    from rich.console import Console  # noqa: PLC0415
-    from rich.table import Table  # noqa: PLC0415
-    from rich.text import Text  # noqa: PLC0415
+    from circlepose_cli.output.digits import aligned  # noqa: PLC0415 - needs rich, only where it is shown
+    from circlepose_cli.output.grid import Column, Grid, Row, print_grid  # noqa: PLC0415
 
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
-    for header in ("image", "#", "circle", "method", "change"):
-        table.add_column(header, overflow="fold")
-    for header in ("tolerances", "mm", "deg"):
-        table.add_column(header, justify="right", overflow="fold")
-    table.add_column("remarks", overflow="fold")
-    for each in comparison.differences:
-        names = (each.image, each.instance, each.circle, each.method, each.change)
-        numbers = (
-            (each.tolerances, 2),
-            (each.position_difference_mm, 3),
-            (each.orientation_difference_deg, 3),
-        )
-        cells = [
-            *("" if name is None else printable(str(name)) for name in names),
-            *("" if value is None else columns.fixed(value, decimals) for value, decimals in numbers),
-            printable(_remarks(each)),
-        ]
-        table.add_row(*map(Text, cells))
-    Console(file=handle, width=None if handle.isatty() else _PIPE_WIDTH).print(table)
+    names = ("image", "#", "circle", "method", "change")
+    numbers = {
+        "tolerances": ("tolerances", 2),
+        "mm": ("position_difference_mm", 3),
+        "deg": ("orientation_difference_deg", 3),
+    }
+    differences = comparison.differences
+    cells = [
+        aligned([_number(getattr(each, field), decimals) for each in differences])
+        for field, decimals in numbers.values()
+    ]
+    rows = [
+        Row((*_names(each), *texts, printable(_remarks(each))))
+        for each, texts in zip(differences, zip(*cells, strict=True), strict=True)
+    ]
+    is_one = len({each.method for each in differences}) == 1
+    shown = (
+        *(Column(name, "name" if name == "image" else "words", int(name == "method" and is_one)) for name in names),
+        *(Column(header, "number", 2 if header == "tolerances" else 0) for header in numbers),
+        Column("remarks"),
+    )
+    print_grid(handle, Grid(shown, tuple(rows)))
+
+
+def _names(difference: Difference) -> list[str]:
+    names = (difference.image, difference.instance, difference.circle, difference.method, difference.change)
+    return ["" if name is None else printable(str(name)) for name in names]
+
+
+def _number(value: float | None, decimals: int) -> str:
+    return "" if value is None else columns.fixed(value, decimals)
 
 
 def _remarks(difference: Difference) -> str:

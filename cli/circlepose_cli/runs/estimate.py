@@ -28,9 +28,9 @@ from circlepose_cli.console.stdin_lines import standard_input
 from circlepose_cli.options.declared import FormatChoice
 from circlepose_cli.options.requests import EstimateRequest
 from circlepose_cli.options.setup import Setup, Setups
-from circlepose_cli.output.destination import Unfinished, open_journal, open_output, output_place
+from circlepose_cli.output.destination import Unfinished, is_file, open_journal, open_output, output_place
 from circlepose_cli.output.overlay_names import OverlayNames
-from circlepose_cli.output.results import choose_format, write_output
+from circlepose_cli.output.results import choose_format, choose_rows, write_output
 
 SOME_FAILED = 3
 BUG = 1
@@ -49,6 +49,9 @@ def _run(request: EstimateRequest, held: ExitStack) -> int:
     to_terminal = output is None and sys.stdout.isatty()
     output_format = choose_format(request.output_format, output, to_terminal=to_terminal)
     _check_form(output_format, request)
+    selection = choose_rows(
+        request.columns, chosen_only=request.chosen_only, output_format=output_format, layout=request.layout
+    )
     outputs = Outputs([output])
     reporter = Reporter(quiet=request.quiet, verbose=request.verbose)
     setups = Setups(
@@ -89,7 +92,14 @@ def _run(request: EstimateRequest, held: ExitStack) -> int:
             bar = reporter.running(total, shows_bar=shows_bar)
             measured = _measured(items, options, request, reporter, journal, total)
             with closing(follow(measured, reporter, bar, interruption)) as results:
-                write_output(results, handle, output_format=output_format, layout=request.layout, reference=reference)
+                write_output(
+                    results,
+                    handle,
+                    output_format=output_format,
+                    layout=request.layout,
+                    reference=reference,
+                    selection=selection,
+                )
             if interruption.received:
                 # A part of the table must not take the place of a whole one.
                 raise Unfinished
@@ -98,6 +108,8 @@ def _run(request: EstimateRequest, held: ExitStack) -> int:
             reporter.note(f"{journal.reused} finished before")
         if journal is not None and is_done:
             journal.remove()
+    if output is not None and not interruption.received and is_file(output):
+        reporter.note(f"{output}: written")
     if skipped:
         reporter.note(skipped_line(skipped))
     reporter.summary(

@@ -14,13 +14,14 @@ from circlepose.io.tables import json_records
 from circlepose.io.text.escaping import printable
 from circlepose.results import Status
 from circlepose_cli.console.doubtful_radius import doubt
+from circlepose_cli.console.terminal import fitted
 from circlepose_cli.options.declared import ReportFormat
 from circlepose_cli.options.parse import with_options_named
 from circlepose_cli.options.requests import ExplainRequest
 from circlepose_cli.options.setup import Setup, Setups
 from circlepose_cli.output.destination import open_output
 from circlepose_cli.reports.explain.record import report_record
-from circlepose_cli.reports.explain.text import report_text
+from circlepose_cli.reports.explain.text import INDENT, report_text
 
 FAILED = 3
 
@@ -53,7 +54,8 @@ def run(request: ExplainRequest) -> int:
         if request.report_format is ReportFormat.JSON:
             handle.write(json_records.dumps(report_record(explanation)) + "\n")
         else:
-            handle.write(report_text(explanation, f"{setup.camera_file.path}", setup.target_origin) + "\n")
+            report = report_text(explanation, f"{setup.camera_file.path}", setup.target_origin)
+            handle.write(fitted(report, handle, INDENT) + "\n")
     return 0 if explanation.result.status is Status.OK else FAILED
 
 

@@ -19,7 +19,8 @@ from circlepose_cli.reports.explain.poses import (
     view_rows,
 )
 
-_INDENT = 12
+INDENT = 12
+"""where the words begin, behind what they are about"""
 _EVEN = 1.5
 """Up to which `correlation` the residuals are those of independent pixels."""
 _UNEQUAL = 0.05
@@ -41,7 +42,7 @@ def report_text(explanation: Explanation, camera: str, target: str) -> str:
         rows += [("", None), *_circle_rows(circle, refine=explanation.refine)]
         rows += view_rows(mirror_view_of(circle.result, explanation.circles))
     return "\n".join(
-        f"{name:<{_INDENT}}{printable(words)}".rstrip() if words is not None else ""
+        f"{name:<{INDENT}}{printable(words)}".rstrip() if words is not None else ""
         for name, words in rows
         if words != ""
     )

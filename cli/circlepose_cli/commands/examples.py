@@ -1,0 +1,31 @@
+"""Command lines to copy, shown at the end of a command's help."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+EXAMPLES: Mapping[str, str] = {
+    "estimate": """\
+circlepose estimate photo.png --calib cam.yaml --radius-mm 60
+circlepose estimate imgs/ --target rings.yaml -o poses.csv
+circlepose estimate imgs/ --radius-mm 35 --count 12 --coplanar --chosen-only
+circlepose estimate photo.png --facing up --overlay checked/
+circlepose estimate imgs/ -r --columns image,center_z_mm,sigma_z_mm""",
+    "check": """\
+circlepose check poses.csv --against baseline.csv
+circlepose check poses.csv --against truth.csv --candidate best
+circlepose check poses.csv --against baseline.csv --update
+circlepose estimate imgs/ | circlepose check - --against baseline.csv""",
+    "inspect": """\
+circlepose inspect photo.png
+circlepose inspect photo.png --picture found.png
+circlepose inspect photo.png --rings --major-px 100:400""",
+    "explain": """\
+circlepose explain photo.png --calib cam.yaml --radius-mm 60
+circlepose explain photo.png --picture why.png
+circlepose explain photo.png --format json""",
+    "completion": """\
+circlepose completion bash >> ~/.bashrc
+circlepose completion zsh > ~/.zfunc/_circlepose
+circlepose completion fish > ~/.config/fish/completions/circlepose.fish""",
+}

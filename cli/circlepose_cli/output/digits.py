@@ -1,0 +1,53 @@
+"""How many digits of a number are worth reading: those that its standard deviation leaves."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from circlepose.io.tables.columns import Row, fixed
+
+SIGMA_OF: Mapping[str, str] = {
+    **{f"center_{axis}_mm": f"sigma_{axis}_mm" for axis in "xyz"},
+    **{f"normal_{axis}": "sigma_normal_deg" for axis in "xyz"},
+    **{name: name for name in ("sigma_x_mm", "sigma_y_mm", "sigma_z_mm", "sigma_normal_deg")},
+}
+"""column that says how many digits of another one hold"""
+_USUAL: Mapping[str, int] = {"mm": 3, "px": 2, "deg": 3}
+_USUAL_WITHOUT_UNIT = 3
+_USUAL_OF_NORMAL = 4
+_MOST = 4
+_MOST_OF_NORMAL = 6
+
+
+def number_text(row: Row, column: str) -> str:
+    """Return a number of a row for people: two digits of its sigma, or the usual digits where it has none."""
+    value = row.get(column)
+    if not isinstance(value, float):
+        return "" if value is None else str(value)
+    is_normal = column.startswith("normal_")
+    usual = _USUAL_OF_NORMAL if is_normal else _USUAL.get(column.rpartition("_")[2], _USUAL_WITHOUT_UNIT)
+    sigma = row.get(SIGMA_OF.get(column, ""))
+    if not isinstance(sigma, float):
+        return fixed(value, usual)
+    if is_normal:
+        return fixed(value, decimals(math.radians(sigma), usual, _MOST_OF_NORMAL))
+    return fixed(value, decimals(sigma, usual, _MOST))
+
+
+def decimals(sigma: float, usual: int = _USUAL["mm"], most: int = _MOST) -> int:
+    """Return how many decimals show two digits of `sigma`; `usual` where it says nothing."""
+    if not 0.0 < sigma < math.inf:
+        return usual
+    places = 1 - math.floor(math.log10(sigma))
+    # 0.0999 is 0.10 in two digits.
+    if round(sigma, places) >= 10.0 ** (2 - places):
+        places -= 1
+    return min(max(places, 0), most)
+
+
+def aligned(cells: Sequence[str]) -> list[str]:
+    """Return numbers with spaces behind them so that, set flush right, their decimal points are in line."""
+    behind = [len(cell) - cell.index(".") if "." in cell else 0 for cell in cells]
+    most = max(behind, default=0)
+    return [cell and cell + " " * (most - places) for cell, places in zip(cells, behind, strict=True)]
