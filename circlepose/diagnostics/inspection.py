@@ -5,16 +5,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
 from circlepose import _arguments
 from circlepose._typing import Image
 from circlepose.detection.contour import Contour, DetectionResult
 from circlepose.detection.detect import find_contours
-from circlepose.geometry.ellipse import Ellipse
 from circlepose.imaging.float_levels import without_gaps
-from circlepose.imaging.gray import eight_bit, to_grey
+from circlepose.imaging.gray import to_grey
 from circlepose.targets import POLARITIES, Polarity
 from circlepose.targets.target import AxisIntervals
 
@@ -22,11 +20,6 @@ _FAMILY = 2.5
 """Circles of one kind differ by no more than this factor in size, from the typical one."""
 _ROOM = 1.25
 """Room that suggested intervals leave on either side."""
-_KEPT = (60, 220, 60)
-_REFUSED = (70, 70, 255)
-_SUBPIXEL_BITS = 4
-_FARTHEST_PX = 30000.0
-_CORNERS = 180
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,23 +83,3 @@ def suggested_intervals(contours: tuple[Contour, ...]) -> AxisIntervals | None:
 def _with_room(lengths: np.ndarray) -> tuple[float, float]:
     low, high = float(lengths.min()) / _ROOM, float(lengths.max()) * _ROOM
     return float(math.floor(low)), float(math.ceil(high))
-
-
-def draw_inspection(image: Image, inspection: Inspection) -> Image:
-    """Return a picture (h, w, 3), BGR uint8: contours kept in green with number and score, those refused in red."""
-    picture = cv2.cvtColor(eight_bit(to_grey(image)), cv2.COLOR_GRAY2BGR)
-    thickness = max(1, round(max(picture.shape) / 1000.0))
-    _draw(picture, inspection.extraction.refused, _REFUSED, thickness)
-    for number, contour in enumerate(inspection.extraction.contours):
-        _draw(picture, contour.ellipse, _KEPT, 2 * thickness)
-        x, y = (float(v) for v in np.clip(contour.ellipse.center, -_FARTHEST_PX, _FARTHEST_PX))
-        at = (round(x + float(contour.ellipse.semi_major)), round(y))
-        size = 0.4 * thickness
-        cv2.putText(picture, f"{number} {contour.score:.2f}", at, cv2.FONT_HERSHEY_SIMPLEX, size, _KEPT, thickness)
-    return picture
-
-
-def _draw(picture: Image, ellipse: Ellipse, color: tuple[int, int, int], thickness: int) -> None:
-    rims = np.clip(ellipse.points(_CORNERS), -_FARTHEST_PX, _FARTHEST_PX).reshape(-1, _CORNERS, 2)
-    fixed = np.rint(rims * 2**_SUBPIXEL_BITS).astype(np.int32)
-    cv2.polylines(picture, list(fixed), True, color, thickness, cv2.LINE_AA, _SUBPIXEL_BITS)

@@ -2,104 +2,62 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
 from circlepose import _arguments
-from circlepose._typing import FloatArray, Image
+from circlepose._typing import BoolArray, FloatArray, Image
 from circlepose.camera.camera import Camera, circle_contour
-from circlepose.drawing import captions
-from circlepose.drawing.captions import Box, Color
-from circlepose.imaging.float_levels import in_steps
-from circlepose.imaging.gray import to_grey
-from circlepose.results import Candidate, CircleResult, ImageResult, Status
-
-SMALLEST_PICTURE = 1000
-"""px; an image whose longer side is less is enlarged by a whole factor so that text has room"""
-MOST_FULL_CAPTIONS = 4
-"""with more circles a caption is center and normal only"""
-MOST_CAPTIONS = 12
-"""with more circles a caption is only the number of the target"""
-LEGEND = (
-    "bold arrow: chosen normal, a radius long   thin arrow: other candidate   cross: imaged center   pink: contour"
+from circlepose.diagnostics.explain import camera_of, rim_places
+from circlepose.drawing import words
+from circlepose.drawing.canvas import Pen
+from circlepose.drawing.display import boxes_around, displayed, enlarged
+from circlepose.drawing.heading import Heading, LegendItem
+from circlepose.drawing.labels import Label, Plan, Room, draw_labels, plan_labels
+from circlepose.drawing.style import (
+    AMBIGUOUS,
+    CENTER,
+    CHOSEN,
+    FAILED,
+    OTHER,
+    PANEL,
+    PARTLY,
+    REJECTED,
+    TEXT_SIZE,
+    UNUSED,
+    Color,
+    unit_of,
 )
+from circlepose.errors import ArgumentError
+from circlepose.results import CircleResult, ImageResult, Status
 
-_CONTOUR: Color = (255, 80, 255)
-_OTHER: Color = (205, 205, 205)
-_AXES: Color = (225, 140, 60)
-_FAILED: Color = (70, 70, 255)
-_SHADOW: Color = (20, 20, 20)
-# BGR, distinct by hue and lightness also on gray photographs.
-_INSTANCES: tuple[Color, ...] = (
-    (60, 220, 60),
-    (0, 190, 255),
-    (255, 210, 0),
-    (90, 120, 255),
-    (0, 240, 240),
-)
-_SUBPIXEL_BITS = 4
-_FARTHEST = 30000.0
-"""px; beyond it OpenCV's fixed-point coordinates overflow"""
-
-
-@dataclass(frozen=True, slots=True)
-class _Pen:
-    """Draws on `canvas` in the image's own pixel coordinates, whatever the enlargement."""
-
-    canvas: Image
-    enlargement: int
-    unit: float
-    """picture px; a thousandth of the picture's longer side"""
-
-    def at(self, points: FloatArray) -> FloatArray:
-        """Return image `points` (..., 2) in the picture; pixel centers are integers in both."""
-        return (points + 0.5) * self.enlargement - 0.5
-
-    def width(self, units: float) -> int:
-        """Return a line's width in picture px."""
-        return max(1, round(units * self.unit))
-
-    def line(self, points: FloatArray, color: Color, units: float, *, closed: bool = False) -> None:
-        """Draw the image points (n, 2), leaving out those that are NaN."""
-        path = self.at(np.concatenate([points, points[:1]]) if closed else points)
-        gaps = np.flatnonzero(~np.all(np.isfinite(path), axis=1))
-        runs = [run[np.all(np.isfinite(run), axis=1)] for run in np.split(path, gaps)]
-        fixed = [np.round(np.clip(run, -_FARTHEST, _FARTHEST) * 2**_SUBPIXEL_BITS).astype(np.int32) for run in runs]
-        cv2.polylines(self.canvas, fixed, False, color, self.width(units), cv2.LINE_AA, shift=_SUBPIXEL_BITS)
-
-    def arrow(self, tail: FloatArray, head: FloatArray, color: Color, units: float) -> None:
-        """Draw an arrow between two image points (2,) with a shadow that parts it from the background."""
-        if not np.all(np.isfinite([tail, head])):
-            return
-        along = head - tail
-        length = float(np.linalg.norm(along))
-        # A short arrow is a slim one, or it would be a blob.
-        units = min(units, 0.08 * length * self.enlargement / self.unit)
-        tip = min(7.0 * units * self.unit / self.enlargement, 0.4 * length)
-        shape = [np.stack([tail, head])]
-        if length > 0.0:
-            back = along / length * tip
-            side = 0.45 * np.array([-back[1], back[0]])
-            shape.append(np.stack([head - back + side, head, head - back - side]))
-        for shade, extra in ((_SHADOW, 1.5), (color, 0.0)):
-            for part in shape:
-                self.line(part, shade, units + extra)
+MOST_CAPTIONS = 4
+"""with more targets there are only their numbers, and the poses stand above the image"""
+MOST_ROWS = 12
+"""with more targets the poses are only in the table of `estimate`"""
+_NUMBER_SIZES = (0.5, 0.42, 0.35, 0.29, 0.24)
+_LEAST_RIM_POINTS, _MOST_RIM_POINTS, _RIM_STEP = 48, 720, 4.0
+"""Corners of a drawn rim, and picture px between them: a chord leaves its arc by less than a tenth of a px."""
+_WIDE_GAP = (3.0, 8.0)
+"""A gap of the contour: times the usual step, and deg."""
+_OFF_PX = 0.5
+"""The camera is another one if it sees a center farther than this from where it was seen."""
 
 
 def draw_overlay(image: Image, result: ImageResult, camera: Camera) -> Image:
     """Draw `result` over `image`.
 
-    Drawn for each circle are the contour in use, the fitted rim with its axes, the imaged center, both
-    candidates' normals (one radius long; the chosen one bold) and a caption of the numbers; above the image its
-    name and status. Small images are enlarged. Of several methods the first is drawn.
+    Drawn for each circle are the rim of the chosen pose, thin, so that one can see whether it lies on the edge; the
+    imaged center; both candidates' normals, one radius long, the chosen one bold; and the number of the target, which
+    is `instance` in the tables. Above the image are its name, what was found, the poses and a legend. Small images
+    are enlarged, dark and pale ones brightened. Of several methods the first is drawn.
 
     Parameters
     ----------
     image
-        (height, width) or (height, width, 3 or 4), 8 or 16 bit, raw as it was measured.
+        (height, width) or (height, width, 3 or 4), 8 or 16 bit or floating, raw as it was measured.
     result
         What `estimate` returned for it.
     camera
@@ -107,61 +65,166 @@ def draw_overlay(image: Image, result: ImageResult, camera: Camera) -> Image:
 
     Returns
     -------
-    The picture (height, width, 3), BGR uint8. It is higher than the image by its heading.
+    The picture (height, width, 3), BGR uint8. The image is at its bottom left, enlarged by a whole factor where its
+    longer side is below 1000 px.
 
     Raises
     ------
     ArgumentError
-        On misuse, naming the parameter.
+        On misuse, naming the parameter; also where `image` has another size than the one that was measured, or
+        `camera` does not see the circles where they are.
     """
     _arguments.instance_of(ImageResult, "result", result, "of estimate or measure")
     _arguments.instance_of(Camera, "camera", camera, _arguments.HOW_CAMERA)
-    base = to_bgr8(image)
-    size = (base.shape[1], base.shape[0])
-    if result.circles and camera.image_size not in (None, size):
+    methods = list(dict.fromkeys(circle.method for circle in result.circles))
+    circles = [circle for circle in result.circles if circle.method == methods[0]]
+    shown, remark = displayed(image, boxes_around(circle.ellipse for circle in circles))
+    size = (shown.shape[1], shown.shape[0])
+    if result.image_size not in (None, size):
+        raise ArgumentError(
+            f"image: expected the one that was measured, of {result.image_size[0]} x {result.image_size[1]} px, "
+            f"got {size[0]} x {size[1]}."
+        )
+    if circles:
+        camera = _checked_camera(camera, size, circles, result)
+    canvas, enlargement = enlarged(shown, _typical_px(circles))
+    unit = unit_of(canvas)
+    pen, room = Pen(canvas, enlargement, unit), Room.of(canvas, unit)
+    drawn = [_Drawn.of(circle, camera, enlargement) for circle in circles]
+    _draw_rims(pen, room, drawn)
+    arrows = [arrow for each in drawn for arrow in each.arrows]
+    for tail, head, color, units in sorted(arrows, key=lambda arrow: arrow[3]):
+        pen.arrow(tail, head, color, units)
+    room.spare_lines([pen.at(np.stack([tail, head])) for tail, head, _, _ in arrows])
+    for each in drawn:
+        _draw_center(pen, each.circle)
+    targets = _by_target(drawn)
+    plan = _plan_labels(pen, room, targets)
+    draw_labels(canvas, plan)
+    has_captions = len(targets) <= MOST_CAPTIONS and plan.level == 0
+    others = f"the first of {len(methods)} methods" if len(methods) > 1 else ""
+    left_out = f"{plan.left_out} of {len(targets)} numbers have no room" if plan.left_out else ""
+    rows = () if has_captions else _rows(targets)
+    heading = _heading(
+        result, circles, (others, remark, left_out), rows, _legend(drawn, has_numbers=not has_captions)
+    )
+    return np.concatenate([heading.drawn(canvas.shape[1], unit), canvas])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Drawn:
+    """A circle, and what is drawn for it, in image px."""
+
+    circle: CircleResult
+    color: Color
+    rim: FloatArray
+    """(n, 2) of the chosen pose, or else of the fitted ellipse, or else the contour"""
+    hidden: BoolArray
+    """(n,) which of these points are in a gap of the contour"""
+    arrows: tuple[tuple[FloatArray, FloatArray, Color, float], ...]
+    """normals of the candidates: tail, head, color and width in units"""
+
+    @classmethod
+    def of(cls, circle: CircleResult, camera: Camera, enlargement: int) -> _Drawn:
+        """Return what is drawn for `circle`."""
+        color = _color(circle)
+        rim = _rim(circle, camera, enlargement)
+        arrows = (
+            (candidate.imaged_center, camera.project(candidate.center + circle.radius_mm * candidate.normal))
+            for candidate in circle.candidates
+        )
+        styles = ((color, 2.2) if n == circle.chosen else (OTHER, 1.0) for n in range(len(circle.candidates)))
+        both = tuple((*ends, *style) for ends, style in zip(arrows, styles, strict=True))
+        return cls(circle, color, rim, _hidden(circle, rim), both)
+
+
+def _checked_camera(
+    camera: Camera, size: tuple[int, int], circles: Sequence[CircleResult], result: ImageResult
+) -> Camera:
+    """Return the camera of the image, which may have been resized; raise `ArgumentError` if it is another one."""
+    if camera.image_size not in (None, size) and result.image_size is None:
         camera = camera.scaled_to(size)
-    longest = max(base.shape[:2])
-    enlargement = max(1, -(-SMALLEST_PICTURE // longest))
-    if enlargement > 1:
-        base = cv2.resize(base, None, fx=enlargement, fy=enlargement, interpolation=cv2.INTER_CUBIC)
-    pen = _Pen(base, enlargement, max(base.shape[:2]) / 1000.0)
-    methods = {circle.method: None for circle in result.circles}
-    circles = [circle for circle in result.circles if circle.method == next(iter(methods))]
-    _translucent(pen, 0.55, lambda soft: _draw_contours(soft, circles))
-    _translucent(pen, 0.7, lambda soft: _draw_axes(soft, circles))
-    for circle in circles:
-        _draw_rim(pen, circle, camera)
-    _draw_normals(pen, circles, camera)
-    _draw_captions(pen, circles, camera)
-    return np.concatenate([_heading(pen, result, circles), pen.canvas])
+    camera = camera_of(result, camera)
+    posed = [circle.candidates[circle.chosen] for circle in circles if circle.candidates]
+    if posed:
+        seen = camera.project(np.stack([pose.center for pose in posed]))
+        off = np.linalg.norm(seen - np.stack([pose.imaged_center for pose in posed]), axis=1)
+        farthest = float(np.max(off, initial=0.0, where=np.isfinite(off)))
+        if farthest > _OFF_PX:
+            raise ArgumentError(
+                "camera: expected the one that the image was measured with, got another: it sees a circle "
+                f"{farthest:.1f} px from where `result` has it."
+            )
+    return camera
 
 
-def to_bgr8(image: Image) -> Image:
-    """Return a new picture for display; more than 8 bits are stretched to the range that is there."""
-    to_grey(image)  # which raises an ArgumentError on what is no image
-    array = np.asarray(image)
-    if array.ndim == 3 and array.shape[2] == 2:
-        array = array[:, :, 0]
-    if array.dtype != np.uint8:
-        if array.dtype.kind == "f":
-            array = np.nan_to_num(in_steps(array))
-        low, high = float(array.min()), float(array.max())
-        array = ((array - low) * (255.0 / max(high - low, 1e-12))).astype(np.uint8)
-    if array.ndim == 2 or array.shape[2] == 1:
-        return cv2.cvtColor(array, cv2.COLOR_GRAY2BGR)
-    return np.ascontiguousarray(array[..., :3]).copy()
+def _typical_px(circles: Sequence[CircleResult]) -> float:
+    """Return the minor axis of the typical circle, px."""
+    axes = [2.0 * float(circle.ellipse.semi_minor) for circle in circles if circle.ellipse is not None]
+    return float(np.median(axes)) if axes else np.inf
 
 
-def _translucent(pen: _Pen, opacity: float, draw: Callable[[_Pen], None]) -> None:
-    layer = _Pen(pen.canvas.copy(), pen.enlargement, pen.unit)
-    draw(layer)
-    cv2.addWeighted(layer.canvas, opacity, pen.canvas, 1.0 - opacity, 0.0, dst=pen.canvas)
+def _by_target(drawn: Sequence[_Drawn]) -> list[list[_Drawn]]:
+    targets: dict[int, list[_Drawn]] = {}
+    for each in drawn:
+        targets.setdefault(each.circle.instance, []).append(each)
+    return list(targets.values())
 
 
-def _draw_contours(pen: _Pen, circles: Sequence[CircleResult]) -> None:
-    for circle in circles:
-        if circle.contour is not None and len(circle.contour) > 2:
-            pen.line(_with_gaps(circle.contour), _CONTOUR, 3.6)
+def _plan_labels(pen: Pen, room: Room, targets: Sequence[Sequence[_Drawn]]) -> Plan:
+    """Return where the captions of the targets go, or their numbers where they are many or have no room."""
+    has_captions = len(targets) <= MOST_CAPTIONS
+    sizes = ([TEXT_SIZE] if has_captions else []) + list(_NUMBER_SIZES)
+    labels = []
+    for own in targets:
+        circles = [each.circle for each in own]
+        points = pen.at(np.concatenate([each.rim for each in own]))
+        if np.isfinite(points).all(axis=1).any():
+            numbers = ((str(circles[0].instance),),) * len(_NUMBER_SIZES)
+            texts = (words.caption(circles), *numbers) if has_captions else numbers
+            labels.append(Label(texts, own[0].color, points))
+    return plan_labels(pen.canvas, room, labels, [size * pen.unit for size in sizes])
+
+
+def _rim(circle: CircleResult, camera: Camera, enlargement: int) -> FloatArray:
+    if circle.ellipse is None:
+        number = _MOST_RIM_POINTS
+    else:
+        length = 2.0 * np.pi * float(circle.ellipse.semi_major) * enlargement
+        number = int(np.clip(length / _RIM_STEP, _LEAST_RIM_POINTS, _MOST_RIM_POINTS))
+    if circle.candidates:
+        chosen = circle.candidates[circle.chosen]
+        return circle_contour(camera, chosen.center, chosen.normal, circle.radius_mm, number)
+    if circle.ellipse is not None:
+        return circle.ellipse.points(number)
+    return np.empty((0, 2)) if circle.contour is None else circle.contour
+
+
+def _draw_rims(pen: Pen, room: Room, drawn: Sequence[_Drawn]) -> None:
+    for each in drawn:
+        if not len(each.rim):
+            continue
+        room.keep_disc(pen.at(each.rim))
+        if not each.circle.candidates and each.circle.contour is not None:
+            pen.hairline(_with_gaps(each.circle.contour), REJECTED)
+            continue
+        pen.hairline(each.rim, each.color, closed=True)
+        if each.hidden.any():
+            pen.hairline(np.where(each.hidden[:, None], each.rim, np.nan), UNUSED, closed=True)
+
+
+def _hidden(circle: CircleResult, rim: FloatArray) -> BoolArray:
+    """Return which points of the rim (n, 2) of the chosen pose are in a gap of the contour."""
+    if not circle.candidates or circle.ellipse is None or circle.contour is None or len(circle.contour) < 2:
+        return np.zeros(len(rim), dtype=np.bool_)
+    known = np.sort(rim_places(circle.ellipse, circle.contour))
+    steps = np.diff(known, append=known[0] + 360.0)
+    times, least_deg = _WIDE_GAP
+    wide = steps > max(times * float(np.median(steps)), least_deg)
+    if not wide.any():
+        return np.zeros(len(rim), dtype=np.bool_)
+    place = np.nan_to_num(rim_places(circle.ellipse, rim))
+    return np.asarray(wide[(np.searchsorted(known, place, side="right") - 1) % len(known)])
 
 
 def _with_gaps(contour: FloatArray) -> FloatArray:
@@ -172,119 +235,60 @@ def _with_gaps(contour: FloatArray) -> FloatArray:
     return np.insert(closed, far + 1, np.nan, axis=0)
 
 
-def _draw_axes(pen: _Pen, circles: Sequence[CircleResult]) -> None:
-    for circle in circles:
-        if circle.ellipse is not None:
-            tips = circle.ellipse.points(4)
-            pen.line(tips[[0, 2]], _AXES, 1.0)
-            pen.line(tips[[1, 3]], _AXES, 1.0)
-
-
-def _draw_rim(pen: _Pen, circle: CircleResult, camera: Camera) -> None:
-    pen.line(_rim(circle, camera), _color(circle), 1.6, closed=True)
-
-
-def _draw_normals(pen: _Pen, circles: Sequence[CircleResult], camera: Camera) -> None:
-    measured = [circle for circle in circles if circle.candidates]
-    for circle in measured:
-        for number, candidate in enumerate(circle.candidates):
-            if number != circle.chosen:
-                pen.arrow(*_normal_ends(candidate, circle, camera), _OTHER, 1.2)
-    for circle in measured:
-        chosen = circle.candidates[circle.chosen]
-        pen.arrow(*_normal_ends(chosen, circle, camera), _color(circle), 3.0)
-    for circle in measured:
-        _draw_center(pen, circle)
-
-
-def _draw_center(pen: _Pen, circle: CircleResult) -> None:
-    center = circle.candidates[circle.chosen].imaged_center
-    reach = 6.0 * pen.unit / pen.enlargement
-    if circle.ellipse is not None:
-        reach = min(reach, 0.3 * float(circle.ellipse.semi_major))
-    cross = reach * np.array([[[-1.0, 0.0], [1.0, 0.0]], [[0.0, -1.0], [0.0, 1.0]]])
-    for color, units in ((_SHADOW, 2.4), ((255, 255, 255), 1.0)):
-        for bar in cross:
-            pen.line(center + bar, color, units)
-
-
-def _rim(circle: CircleResult, camera: Camera) -> FloatArray:
-    """Return the rim (n, 2) px of the chosen pose, or of the fitted ellipse where there is no pose."""
+def _draw_center(pen: Pen, circle: CircleResult) -> None:
     if circle.candidates:
-        chosen = circle.candidates[circle.chosen]
-        return circle_contour(camera, chosen.center, chosen.normal, circle.radius_mm)
-    return np.empty((0, 2)) if circle.ellipse is None else circle.ellipse.points(360)
-
-
-def _normal_ends(candidate: Candidate, circle: CircleResult, camera: Camera) -> tuple[FloatArray, FloatArray]:
-    head = camera.project(candidate.center + circle.radius_mm * candidate.normal)
-    return candidate.imaged_center, head
+        reach = np.inf if circle.ellipse is None else 0.18 * float(circle.ellipse.semi_minor)
+        pen.cross(circle.candidates[circle.chosen].imaged_center, reach)
 
 
 def _color(circle: CircleResult) -> Color:
-    return _INSTANCES[circle.instance % len(_INSTANCES)] if circle.candidates else _FAILED
+    return REJECTED if not circle.candidates else AMBIGUOUS if words.is_ambiguous(circle) else CHOSEN
 
 
-def _draw_captions(pen: _Pen, circles: Sequence[CircleResult], camera: Camera) -> None:
-    texts = [
-        captions.Caption(_lines(circle, len(circles)), _color(circle), extent)
-        for circle in circles
-        if (extent := _extent(pen, circle, camera)) is not None
-    ]
-    text_scale = 0.5 * pen.unit
-    crowded = len(texts) > MOST_CAPTIONS
-    if crowded:
-        text_scale = min(text_scale, 0.012 * float(np.median([t.extent[3] - t.extent[1] for t in texts])))
-    captions.place(pen.canvas, texts, text_scale=text_scale, stay_near=crowded)
+def _legend(drawn: Sequence[_Drawn], *, has_numbers: bool) -> tuple[LegendItem, ...]:
+    """Return what is drawn, and nothing else."""
+    colors = {each.color for each in drawn}
+    items = []
+    if CHOSEN in colors:
+        items.append(LegendItem("line", CHOSEN, "rim of the chosen pose"))
+        items.append(LegendItem("bold arrow", CHOSEN, "its normal, one radius long"))
+    if AMBIGUOUS in colors:
+        items.append(LegendItem("line", AMBIGUOUS, "rim where two poses are possible"))
+        items.append(LegendItem("bold arrow", AMBIGUOUS, "normal of the first pose"))
+    if any(len(each.arrows) > 1 for each in drawn):
+        items.append(LegendItem("thin arrow", OTHER, "normal of the other pose"))
+    if colors - {REJECTED}:
+        items.append(LegendItem("cross", CENTER, "imaged center"))
+    if any(each.hidden.any() for each in drawn):
+        items.append(LegendItem("line", UNUSED, "no edge found on this part of the rim"))
+    if REJECTED in colors:
+        items.append(LegendItem("line", REJECTED, "contour without a pose"))
+    if drawn and has_numbers:
+        items.append(LegendItem("number", drawn[0].color, "instance in the table"))
+    return tuple(items)
 
 
-def _extent(pen: _Pen, circle: CircleResult, camera: Camera) -> Box | None:
-    """Return the picture's box that holds all that is drawn for a circle."""
-    parts = [_rim(circle, camera)]
-    for candidate in circle.candidates:
-        parts.extend(end[None, :] for end in _normal_ends(candidate, circle, camera))
-    if circle.contour is not None:
-        parts.append(circle.contour)
-    points = np.concatenate(parts)
-    points = pen.at(points[np.all(np.isfinite(points), axis=1)])
-    if len(points) == 0:
-        return None
-    (left, top), (right, bottom) = points.min(axis=0).tolist(), points.max(axis=0).tolist()
-    return left, top, right, bottom
+def _rows(targets: Sequence[Sequence[_Drawn]]) -> tuple[tuple[str, ...], ...]:
+    """Return the poses of a few targets as a table; nothing for many."""
+    if not 0 < len(targets) <= MOST_ROWS:
+        return ()
+    rows = [words.row([each.circle for each in own]) for own in targets]
+    # What is the same for all is said above the table.
+    is_same = len({row[-1] for row in rows}) == 1
+    return tuple(row[:-1] if is_same else row for row in (words.ROW_NAMES, *rows))
 
 
-def _lines(circle: CircleResult, circles: int) -> tuple[str, ...]:
-    """Return the caption of one of so many `circles`: the more there are, the shorter it is."""
-    if circles > MOST_CAPTIONS:
-        return (str(circle.instance),)
-    name = f"#{circle.instance} {circle.circle}"
-    if not circle.candidates:
-        return (f"{name}  {circle.status}", *((circle.reason,) if circle.reason else ()))
-    chosen = circle.candidates[circle.chosen]
-    center = "({:.2f}, {:.2f}, {:.2f}) mm".format(*chosen.center)
-    normal = "n ({:.3f}, {:.3f}, {:.3f})".format(*chosen.normal)
-    if circles > MOST_FULL_CAPTIONS:
-        return (f"#{circle.instance} {center}", normal)
-    if chosen.covariance is not None:
-        variances = np.diagonal(chosen.covariance)
-        center += f" +-{np.sqrt(variances[:3].sum()):.2g}"
-        normal += f" +-{np.degrees(np.sqrt(variances[3:].sum())):.2g} deg"
-    remarks = f"  ({', '.join(circle.flags)})" if circle.flags else ""
-    return (
-        f"{name}  R {circle.radius_mm:g} mm",
-        f"c {center}",
-        normal,
-        f"ambiguity {circle.ambiguity:.2g}{remarks}",
-    )
-
-
-def _heading(pen: _Pen, result: ImageResult, circles: Sequence[CircleResult]) -> Image:
-    failed = result.status is not Status.OK
-    instances = len({circle.instance for circle in circles})
-    found = f"{instances} target{'' if instances == 1 else 's'}"
-    what = f"{result.status}: {result.reason}" if failed else f"{found}, {circles[0].method}" if circles else "ok"
-    color = (50, 40, 120) if failed and not circles else (30, 90, 140) if failed else (60, 50, 40)
-    lines = [(f"{result.image}   {what}", 0.6 * pen.unit)]
+def _heading(
+    result: ImageResult,
+    circles: Sequence[CircleResult],
+    remarks: Sequence[str],
+    rows: tuple[tuple[str, ...], ...],
+    legend: tuple[LegendItem, ...],
+) -> Heading:
+    has_failed = result.status is not Status.OK
+    sentences = [f"{result.status}: {result.reason}" if result.reason else f"{result.status}"] if has_failed else []
     if circles:
-        lines.append((LEGEND, 0.4 * pen.unit))
-    return captions.strip(pen.canvas.shape[1], lines, color)
+        sentences.append(words.summary(circles))
+    sentences.append("; ".join(remark for remark in remarks if remark))
+    color = PANEL if not has_failed else PARTLY if any(circle.candidates for circle in circles) else FAILED
+    return Heading(result.image, tuple(each for each in sentences if each), legend, rows, color)

@@ -9,14 +9,11 @@ import cv2
 import numpy as np
 
 from circlepose._typing import BoolArray, FloatArray, Image
-from circlepose.drawing.captions import Color
+from circlepose.drawing.canvas import polylines
+from circlepose.drawing.style import Color, Font
 
 INK: Color = (60, 60, 60)
 FAINT: Color = (215, 215, 215)
-_FONT = cv2.FONT_HERSHEY_SIMPLEX
-_TEXT_SCALE = 0.45
-_BITS = 4
-_FARTHEST = 30000.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,6 +21,7 @@ class Plot:
     """A frame on `canvas` whose inside shows data of the ranges `x` and `y` (upwards)."""
 
     canvas: Image
+    font: Font
     left: int
     top: int
     width: int
@@ -39,29 +37,29 @@ class Plot:
 
     def frame(self, title: str, x_ticks: Sequence[float], y_ticks: Sequence[float], x_unit: str = "") -> None:
         """Draw the frame, its ticks and the title above."""
+        bottom, half_line = self.top + self.height, self.font.line_height / 2.0
         for value in x_ticks:
             (column, _) = self.at(np.array(value), np.array(self.y[0])).tolist()
-            cv2.line(self.canvas, (round(column), self.top), (round(column), self.top + self.height), FAINT, 1)
+            cv2.line(self.canvas, (round(column), self.top), (round(column), bottom), FAINT, 1)
             label = f"{value:g}{x_unit}"
-            shift = cv2.getTextSize(label, _FONT, _TEXT_SCALE, 1)[0][0] // 2
-            text(self.canvas, label, round(column) - shift, self.top + self.height + 17)
+            self._write(label, column - self.font.width(label) / 2.0, bottom)
         for value in y_ticks:
             (_, row) = self.at(np.array(self.x[0]), np.array(value)).tolist()
             cv2.line(self.canvas, (self.left, round(row)), (self.left + self.width, round(row)), FAINT, 1)
             label = f"{value:g}"
-            text(
-                self.canvas,
-                label,
-                self.left - 8 - cv2.getTextSize(label, _FONT, _TEXT_SCALE, 1)[0][0],
-                round(row) + 5,
-            )
-        cv2.rectangle(self.canvas, (self.left, self.top), (self.left + self.width, self.top + self.height), INK, 1)
-        text(self.canvas, title, self.left, self.top - 8)
+            self._write(label, self.left - self.font.margin - self.font.width(label), row - 1.1 * half_line)
+        cv2.rectangle(self.canvas, (self.left, self.top), (self.left + self.width, bottom), INK, 1)
+        self._write(title, self.left, self.top - 1.2 * self.font.line_height)
+
+    def _write(self, words: str, left: float, top: float) -> None:
+        """Write `words` with the corner of the text itself at (left, top)."""
+        font = self.font.fitting([words], self.width)
+        font.write(self.canvas, [words], left - font.margin, top - font.margin / 2.0, INK)
 
     def line(self, x: FloatArray, y: FloatArray, color: Color, width: int = 2) -> None:
         """Draw a line through data (n,), broken where it is NaN."""
         path = self.at(x, np.clip(y, *self.y))
-        lines(self.canvas, path, color, width)
+        polylines(self.canvas, [path], color, width)
 
     def marks(self, x: FloatArray, y: FloatArray, colors: Image, size_px: tuple[float, float]) -> None:
         """Draw a box of `size_px` (width, height) at each of n data, in its color (n, 3)."""
@@ -82,21 +80,6 @@ class Plot:
                 ends = self.at(np.clip([low, high], *self.x), np.array([self.y[1], self.y[0]]))
                 (x0, y0), (x1, y1) = np.round(ends).astype(int).tolist()
                 self.canvas[y0:y1, x0:x1] = color
-
-
-def lines(canvas: Image, path: FloatArray, color: Color, width: int = 1) -> None:
-    """Draw a line through picture points (n, 2), broken where they are NaN."""
-    known = np.all(np.isfinite(path), axis=1)
-    runs = [run for run in np.split(path, np.flatnonzero(~known)) if len(run)]
-    for run in runs:
-        inside = run[np.all(np.isfinite(run), axis=1)]
-        fixed = np.round(np.clip(inside, -_FARTHEST, _FARTHEST) * 2**_BITS).astype(np.int32)
-        cv2.polylines(canvas, [fixed], False, color, width, cv2.LINE_AA, shift=_BITS)
-
-
-def text(canvas: Image, words: str, left: int, baseline: int, color: Color = INK) -> None:
-    """Write `words` on one line."""
-    cv2.putText(canvas, words, (left, baseline), _FONT, _TEXT_SCALE, color, 1, cv2.LINE_AA)
 
 
 def diverging(value: FloatArray) -> Image:

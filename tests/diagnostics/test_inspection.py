@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from circlepose.diagnostics.inspection import draw_inspection, inspect, suggested_intervals
+from circlepose.diagnostics.inspection import inspect, suggested_intervals
 from circlepose.errors import ArgumentError
 from circlepose.io.images.reader import read_image
 from circlepose.targets.target import AxisIntervals
@@ -55,14 +55,6 @@ def test_nothing_to_suggest_without_circles():
     assert inspection.suggested is None
     with pytest.raises(ArgumentError):
         inspect(np.zeros(5))
-
-
-def test_the_picture_shows_both_kinds(clutter):
-    picture = draw_inspection(clutter, inspect(clutter))
-    assert picture.shape == (*clutter.shape[:2], 3)
-    channels = picture.astype(int)
-    assert np.any(channels[..., 1] - channels[..., 0] > 100), "green: kept"
-    assert np.any(channels[..., 2] - channels[..., 0] > 100), "red: refused"
 
 
 def test_rings_are_kept_when_asked_for(project_root):

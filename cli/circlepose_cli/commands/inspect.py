@@ -21,7 +21,6 @@ def inspect(request: InspectRequest) -> None:
     why, and axis intervals that hold the circles found.
     """
     process.begin(verbose=request.verbose)
-    from circlepose.diagnostics.inspection import draw_inspection  # noqa: PLC0415
     from circlepose.diagnostics.inspection import inspect as inspect_image  # noqa: PLC0415
     from circlepose.io.images.reader import read_image, write_image  # noqa: PLC0415 - needs NumPy and OpenCV
     from circlepose.io.output_conflicts import Outputs  # noqa: PLC0415
@@ -33,7 +32,9 @@ def inspect(request: InspectRequest) -> None:
     intervals = AxisIntervals(request.major_px, request.minor_px)
     inspection = inspect_image(pixels, intervals, request.polarity or "any", rings=request.rings)
     if request.picture is not None:
-        drawn = draw_inspection(pixels, inspection)
+        from circlepose.drawing.inspection import draw_inspection  # noqa: PLC0415 - drawing is rarely asked for
+
+        drawn = draw_inspection(pixels, inspection, request.image.name)
         write_image(request.picture, drawn, drawn=True, overwrite=request.overwrite)
     if request.report_format is ReportFormat.JSON:
         typer.echo(report_json(str(request.image), inspection))

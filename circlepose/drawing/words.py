@@ -1,0 +1,132 @@
+"""Poses in the words of a picture: as many digits as the standard deviations allow, ambiguity as a sentence."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+
+import numpy as np
+
+from circlepose._typing import FloatArray
+from circlepose.results import Candidate, CircleResult, Flag, SettledBy
+
+_SETTLED_BY = {
+    SettledBy.VANISHING_LINE: "the vanishing line",
+    SettledBy.GENERATRIX: "the generatrix",
+    SettledBy.JOINT_FIT: "the joint fit",
+    SettledBy.COMMON_PLANE: "the common plane",
+    SettledBy.HINT: "the hint",
+}
+_EVEN = 0.45
+"""From this ambiguity on both poses are said to be equally possible."""
+_SURE = 0.0005
+ROW_NAMES = ("instance", "center, mm", "normal", "sigma of center, mm", "of normal", "choice")
+
+
+def is_ambiguous(circle: CircleResult) -> bool:
+    """Whether nothing settles which of two poses is right."""
+    return Flag.AMBIGUOUS in circle.flags
+
+
+def choice(circle: CircleResult) -> str:
+    """Return what is known of the choice between the candidates."""
+    if not circle.candidates:
+        return f"{circle.status}: {circle.reason}" if circle.reason else f"{circle.status}"
+    if len(circle.candidates) == 1:
+        return "one pose possible"
+    if is_ambiguous(circle):
+        other = "" if circle.ambiguity >= _EVEN else f", {percent(circle.ambiguity)} chance of the other"
+        return f"ambiguous: two poses possible{other}"
+    settled = f"settled by {_SETTLED_BY[circle.settled_by]}" if circle.settled_by in _SETTLED_BY else ""
+    doubt = f"{percent(circle.ambiguity)} chance of the other pose" if circle.ambiguity >= _SURE else ""
+    return "; ".join(part for part in (settled, doubt) if part) or "settled"
+
+
+def percent(share: float) -> str:
+    """Return a share of 1 in percent, with a decimal where it is small."""
+    return f"{100.0 * share:.0f} %" if share >= 0.0095 else f"{100.0 * share:.1f} %"
+
+
+def caption(circles: Sequence[CircleResult]) -> tuple[str, ...]:
+    """Return the lines about the circles of one target."""
+    first = circles[0]
+    lines = [f"instance {first.instance}: {', '.join(f'{c.circle} of radius {c.radius_mm:g} mm' for c in circles)}"]
+    lines.extend(f"{circle.circle}: {choice(circle)}" for circle in circles if circle.pose is None)
+    posed = [(circle.circle, _pose(circle.pose)) for circle in circles if circle.pose is not None]
+    for each in zip(*(own for _, own in posed), strict=True):
+        is_same = len(set(each)) == 1
+        lines.extend(
+            [each[0]] if is_same else [f"{name}: {line}" for (name, _), line in zip(posed, each, strict=True)]
+        )
+    lines.extend(dict.fromkeys(choice(circle) for circle in circles if circle.candidates))
+    said = flags(circles)
+    return (*lines, said) if said else tuple(lines)
+
+
+def flags(circles: Sequence[CircleResult]) -> str:
+    """Return the flags of circles, but for `ambiguous`, which `choice` says."""
+    names = dict.fromkeys(str(flag) for circle in circles for flag in circle.flags if flag is not Flag.AMBIGUOUS)
+    return f"flags: {', '.join(names)}" if names else ""
+
+
+def row(circles: Sequence[CircleResult]) -> tuple[str, ...]:
+    """Return the cells of `ROW_NAMES` for one target: of its first circle that has a pose."""
+    circle = next((c for c in circles if c.candidates), circles[0])
+    pose = circle.pose
+    if pose is None:
+        return (f"{circle.instance}", "", "", "", "", choice(circle))
+    each = "" if pose.sigma_mm is None else _vector(pose.sigma_mm, significant=2)
+    turn = "" if pose.sigma_deg is None else f"{pose.sigma_deg:.2g} deg"
+    return (f"{circle.instance}", center(pose), normal(pose, most=4), each, turn, choice(circle))
+
+
+def center(pose: Candidate) -> str:
+    """Return the center, mm, with two digits of its largest standard deviation."""
+    return _vector(pose.center, decimals=_decimals(None if pose.sigma_mm is None else float(pose.sigma_mm.max())))
+
+
+def normal(pose: Candidate, most: int = 5) -> str:
+    """Return the normal with two digits of its standard deviation, or `most` decimals."""
+    sigma = None if pose.sigma_deg is None else math.radians(pose.sigma_deg)
+    return _vector(pose.normal, decimals=max(3, _decimals(sigma, usual=3, most=most)))
+
+
+def sigmas(pose: Candidate) -> str:
+    """Return the standard deviations of a pose, or why there are none."""
+    if pose.sigma_mm is None or pose.sigma_deg is None:
+        return "sigma unknown"
+    return f"sigma {_vector(pose.sigma_mm, significant=2)} mm, {pose.sigma_deg:.2g} deg"
+
+
+def counted(number: int, noun: str) -> str:
+    """Return a number of things."""
+    return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
+def summary(circles: Sequence[CircleResult]) -> str:
+    """Return how many targets there are, by which method, and how the candidates of all were chosen."""
+    targets: dict[int, CircleResult] = {}
+    for circle in circles:
+        targets.setdefault(circle.instance, circle)
+    kinds = Counter("no pose" if not c.candidates else choice(c).split(",")[0] for c in targets.values())
+    said = "; ".join(words if len(kinds) == 1 else f"{n} {words}" for words, n in kinds.most_common())
+    measured = f"{counted(len(targets), 'target')}, measured by {circles[0].method}"
+    return f"{measured}; {said}" if said and len(kinds) <= 3 else measured
+
+
+def _pose(pose: Candidate) -> tuple[str, ...]:
+    """Return three lines of a caption."""
+    return (f"center {center(pose)} mm", f"normal {normal(pose)}", sigmas(pose))
+
+
+def _decimals(sigma: float | None, usual: int = 2, most: int = 4) -> int:
+    if sigma is None or not sigma > 0.0 or not math.isfinite(sigma):
+        return usual
+    return int(np.clip(1 - math.floor(math.log10(sigma)), 0, most))
+
+
+def _vector(values: FloatArray, *, decimals: int = 0, significant: int | None = None) -> str:
+    if significant is not None:
+        return f"({', '.join(f'{value:.{significant}g}' for value in values.tolist())})"
+    return f"({', '.join(f'{value + 0.0:.{decimals}f}' for value in values.tolist())})"
