@@ -8,12 +8,14 @@ from __future__ import annotations
 from circlepose.errors import CalibrationError
 from circlepose.io.calibration.document import Document
 from circlepose.io.calibration.form import Form
-from circlepose.io.calibration.forms import kalibr, native, opencv, ros
+from circlepose.io.calibration.forms import colmap, kalibr, native, numpy_arrays, opencv, ros
 from circlepose.io.calibration.unknown import unknown_form
 
 FORMS: tuple[Form, ...] = (
     kalibr.FORM,
     ros.FORM,
+    colmap.FORM,
+    numpy_arrays.FORM,
     native.FORM,
     opencv.FORM,
 )
