@@ -49,6 +49,7 @@ _LACKING: Mapping[str, tuple[str, str]] = {
         "without these terms, OpenCV's fisheye model loses some tenths of a px; calibrate again with it",
     ),
     r".*ftheta.*": ("the f-theta model", _AGAIN),
+    r"equirectangular|latlon|lonlat|ster[ei]ographic": ("a map of directions, not the image of a lens", _AGAIN),
 }
 PINHOLE_COUNTS = (0, 4, 5, 8, 12, 14)
 """how many coefficients OpenCV's pinhole models have"""

@@ -8,7 +8,19 @@ from __future__ import annotations
 from circlepose.errors import CalibrationError
 from circlepose.io.calibration.document import Document
 from circlepose.io.calibration.form import Form
-from circlepose.io.calibration.forms import colmap, kalibr, native, numpy_arrays, opencv, ros
+from circlepose.io.calibration.forms import (
+    basalt,
+    camodocal,
+    colmap,
+    kalibr,
+    mrcal,
+    native,
+    numpy_arrays,
+    opencv,
+    orb_slam,
+    ros,
+    stella_vslam,
+)
 from circlepose.io.calibration.unknown import unknown_form
 
 FORMS: tuple[Form, ...] = (
@@ -16,6 +28,11 @@ FORMS: tuple[Form, ...] = (
     ros.FORM,
     colmap.FORM,
     numpy_arrays.FORM,
+    mrcal.FORM,
+    orb_slam.FORM,
+    stella_vslam.FORM,
+    camodocal.FORM,
+    basalt.FORM,
     native.FORM,
     opencv.FORM,
 )

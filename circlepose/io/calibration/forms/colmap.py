@@ -159,10 +159,6 @@ def _short(where: str, count: int) -> CalibrationError:
 
 def _reading(entry: _Entry, notes: tuple[str, ...]) -> Reading:
     where = entry.where
-    if entry.model == "EQUIRECTANGULAR":
-        raise CalibrationError(
-            f"{where}: EQUIRECTANGULAR is a panorama, not the image of a lens; give the lens's own."
-        )
     if entry.model not in _MODELS:
         lens_model(entry.model, where, "MODEL")
         raise CalibrationError(f"{where}: MODEL: expected one of {', '.join(_MODELS)}, got {shown(entry.model)}.")

@@ -90,7 +90,7 @@ def test_a_camera_is_chosen_by_its_id() -> None:
         ("SIMPLE_DIVISION", "division"),
         ("DIVISION", "division"),
         ("EUCM", "extended unified"),
-        ("EQUIRECTANGULAR", "panorama"),
+        ("EQUIRECTANGULAR", "map of directions"),
         ("OPENCVV", "expected a pinhole model"),
     ],
 )
