@@ -10,6 +10,8 @@ from circlepose.io.calibration.document import Document
 from circlepose.io.calibration.form import Form
 from circlepose.io.calibration.forms import (
     basalt,
+    boofcv,
+    calib_io,
     camodocal,
     colmap,
     kalibr,
@@ -18,8 +20,11 @@ from circlepose.io.calibration.forms import (
     numpy_arrays,
     opencv,
     orb_slam,
+    photonvision,
+    realsense,
     ros,
     stella_vslam,
+    zivid,
 )
 from circlepose.io.calibration.unknown import unknown_form
 
@@ -33,6 +38,11 @@ FORMS: tuple[Form, ...] = (
     stella_vslam.FORM,
     camodocal.FORM,
     basalt.FORM,
+    photonvision.FORM,
+    realsense.FORM,
+    boofcv.FORM,
+    zivid.FORM,
+    calib_io.FORM,
     native.FORM,
     opencv.FORM,
 )

@@ -110,7 +110,7 @@ def _resizing(entries: _Entries, size: tuple[int, int] | None) -> tuple[str, ...
     """Return a remark where ORB-SLAM 3 works on smaller images than those that the numbers belong to."""
     for keys in (("Camera.newWidth", "Camera.newHeight"), ("Camera.newImWidth", "Camera.newImHeight")):
         sides = tuple(entries.get(key) for key in keys)
-        if sides != (None, None) and sides != size:
+        if sides not in ((None, None), size):
             belongs = "the images as they come" if size is None else f"{size[0]} x {size[1]} px"
             return (f"{keys[0]}, {keys[1]} are not used: the numbers belong to {belongs}",)
     scale = entries.get("Camera.imageScale", 1)
