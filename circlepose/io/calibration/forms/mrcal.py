@@ -6,7 +6,6 @@ OpenCV without moving cx, cy.
 
 from __future__ import annotations
 
-import ast
 import re
 from collections.abc import Mapping
 
@@ -16,6 +15,7 @@ from circlepose.io.calibration import numbers, terms
 from circlepose.io.calibration.document import Document
 from circlepose.io.calibration.form import Form, Reading, refuse_name
 from circlepose.io.calibration.lens_models import lens_model
+from circlepose.io.text.literal import python_literal
 
 _COUNTS = {"PINHOLE": 0, "OPENCV4": 4, "OPENCV5": 5, "OPENCV8": 8, "OPENCV12": 12}
 _MODEL_KEYS = ("lensmodel", "lens_model", "distortion_model")
@@ -57,12 +57,11 @@ def _entries(text: str, where: str) -> Mapping[str, object]:
     if len(rest) > _MOST_CHARACTERS:
         raise CalibrationError(f"{where}: looks like mrcal's .cameramodel and is too long; expected a small dict.")
     try:
-        entries = ast.literal_eval(rest.strip())
-    except SyntaxError as reason:
-        raise CalibrationError(f"{where}, line {reason.lineno}: is not valid for mrcal's .cameramodel.") from None
-    except (ValueError, TypeError, RecursionError, MemoryError):
+        entries = python_literal(rest)
+    except ValueError as reason:
         raise CalibrationError(
-            f"{where}: is not valid for mrcal's .cameramodel: expected a dict of values."
+            f"{where}: looks like mrcal's .cameramodel, and is no dict of plain values ({reason}); "
+            "write it again with mrcal."
         ) from None
     if not isinstance(entries, dict) or not any(key in entries for key in _MODEL_KEYS):
         raise CalibrationError(f"{where}: lensmodel: is missing from this .cameramodel.")

@@ -8,10 +8,12 @@ from __future__ import annotations
 import io
 import math
 import re
+import struct
 import zipfile
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import TypeGuard, cast
 
 import numpy as np
 
@@ -23,13 +25,21 @@ from circlepose.io.calibration import numbers
 from circlepose.io.calibration.document import Document
 from circlepose.io.calibration.form import Form, Reading, choose
 from circlepose.io.calibration.lens_models import lens_model, plain
-from circlepose.io.text.validation import some_keys
+from circlepose.io.text.literal import python_literal
+from circlepose.io.text.validation import brief, some_keys
 
 _ARRAY = b"\x93NUMPY"
-_ZIP = b"PK\x03\x04"
+_ZIP, _ZIP_ENTRY = b"PK\x03\x04", b"PK\x01\x02"
+# Damaged archives fail in many ways.
+_ZIP_ERRORS = (
+    *(zipfile.BadZipFile, zlib.error, struct.error, EOFError, OSError, ValueError, KeyError, RuntimeError),
+    *(NotImplementedError, OverflowError),
+)
 _MOST_BYTES = 100_000
 """Of one array: a camera matrix has 72."""
 _MOST_MEMBERS = 1000
+_MOST_HEADER = 10_000
+_KIND = re.compile(r"[<>|=]?(?:f[248]|[iu][1248]|b1|U[0-9]{1,3})")
 _SAVE_ANEW = "save it anew as plain arrays: np.savez('camera.npz', K=K, D=D, image_size=[width, height])"
 # Names are compared in lower case without separators.
 _MATRIX = re.compile(
@@ -59,19 +69,16 @@ class _Archive:
     def array(self, name: str) -> np.ndarray:
         """Return one array of numbers or text; raises `CalibrationError`."""
         try:
-            with zipfile.ZipFile(io.BytesIO(self.content)) as archive, archive.open(self.names[name]) as member:
-                content = member.read(_MOST_BYTES + 1)
-        except (
-            zipfile.BadZipFile,
-            zlib.error,
-            EOFError,
-            OSError,
-            ValueError,
-            RuntimeError,
-            NotImplementedError,
-        ) as why:
+            with zipfile.ZipFile(io.BytesIO(self.content)) as archive:
+                member = archive.getinfo(self.names[name])
+                if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+                    raise zipfile.BadZipFile("it is not packed as NumPy packs")
+                with archive.open(member) as stream:
+                    content = stream.read(_MOST_BYTES + 1)
+        except _ZIP_ERRORS as reason:
+            text = brief(str(reason))
             raise CalibrationError(
-                f"{self.where}: {name}: cannot be unpacked ({why}); copy the file again."
+                f"{self.where}: {name}: cannot be unpacked ({text}); copy the file again."
             ) from None
         return _array(content, f"{self.where}: {name}")
 
@@ -83,13 +90,16 @@ def _recognizes(document: Document) -> bool:
 
 
 def _members(content: bytes) -> dict[str, str]:
+    # An archive of more is none of NumPy's, and would take long to list.
+    if content.count(_ZIP_ENTRY) > _MOST_MEMBERS:
+        return {}
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             names = archive.namelist()
-    except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError, UnicodeError):
+    except _ZIP_ERRORS:
         # A damaged archive: by the name that stands at its beginning.
         return {"": ""} if b".npy" in content[:300] else {}
-    return {name.removesuffix(".npy"): name for name in names[:_MOST_MEMBERS] if name.endswith(".npy")}
+    return {name.removesuffix(".npy"): name for name in names if name.endswith(".npy")}
 
 
 def _read(document: Document, camera_name: str | None) -> Reading:
@@ -237,37 +247,42 @@ def _array(content: bytes, where: str) -> np.ndarray:
         raise CalibrationError(
             f"{where}: holds more than {_MOST_BYTES // 1000} kB; expected a camera matrix or coefficients."
         )
-    stream = io.BytesIO(content)
-    try:
-        version = np.lib.format.read_magic(stream)
-        read_header = (
-            np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-        )
-        shape, is_fortran, dtype = read_header(stream)
-    # The header is a Python literal, of which a damaged one fails in many ways.
-    except (
-        ValueError,
-        TypeError,
-        SyntaxError,
-        KeyError,
-        EOFError,
-        RecursionError,
-        MemoryError,
-        OverflowError,
-    ) as why:
-        reason = str(why).partition("\n")[0][:100]
-        raise CalibrationError(f"{where}: is a damaged NumPy array ({reason}); save it again.") from None
-    if dtype.hasobject:
+    header, data = _header(content)
+    if not isinstance(header, dict):
+        raise CalibrationError(f"{where}: is a damaged NumPy array; save it again.")
+    kind, shape, is_fortran = header.get("descr"), header.get("shape"), header.get("fortran_order")
+    if isinstance(kind, str) and kind.endswith("O"):
         what = "a Python object (a dict or list saved as a pickle)" if shape == () else "Python objects (a pickle)"
         raise CalibrationError(f"{where}: holds {what}, {_OBJECTS}; {_SAVE_ANEW}.")
-    count = math.prod(shape)
-    rest = content[stream.tell() :]
-    if dtype.kind not in "fiubU" or len(shape) > 3 or count * dtype.itemsize != len(rest):
+    if not isinstance(kind, str) or not _KIND.fullmatch(kind) or not _is_shape(shape):
         raise CalibrationError(
-            f"{where}: expected numbers, got an array of {shown(str(dtype))}, {shown(shape)}, in {len(rest)} bytes; "
-            "save it again."
+            f"{where}: expected an array of numbers, got {shown(kind)}, {shown(shape)}; save it again."
         )
-    return np.frombuffer(rest, dtype, count).reshape(shape, order="F" if is_fortran else "C")
+    dtype, count = np.dtype(kind), math.prod(shape)
+    if count * dtype.itemsize != len(data):
+        raise CalibrationError(
+            f"{where}: is damaged: {count} values of {dtype.itemsize} bytes stand in {len(data)}; save it again."
+        )
+    return np.frombuffer(data, dtype, count).reshape(shape, order="F" if is_fortran else "C")
+
+
+def _header(content: bytes) -> tuple[object, bytes]:
+    """Return the header, a Python literal after its length (2 bytes, or 4 from version 2), and what follows it."""
+    width = 2 if content[6:7] == b"\1" else 4
+    start = len(_ARRAY) + 2 + width
+    end = start + int.from_bytes(content[start - width : start], "little")
+    try:
+        literal = python_literal(content[start : min(end, start + _MOST_HEADER)].decode("latin-1"))
+    except ValueError:
+        return None, b""
+    return literal, content[end:]
+
+
+def _is_shape(shape: object) -> TypeGuard[tuple[int, ...]]:
+    is_short = isinstance(shape, tuple) and len(shape) <= 3
+    return is_short and all(
+        type(each) is int and 0 <= each <= _MOST_BYTES for each in cast(tuple[object, ...], shape)
+    )
 
 
 FORM = Form("NumPy arrays", _recognizes, _read)
