@@ -15,6 +15,7 @@ from circlepose.io.calibration.forms import (
     camodocal,
     colmap,
     kalibr,
+    limelight,
     mrcal,
     native,
     numpy_arrays,
@@ -43,6 +44,7 @@ FORMS: tuple[Form, ...] = (
     boofcv.FORM,
     zivid.FORM,
     calib_io.FORM,
+    limelight.FORM,
     native.FORM,
     opencv.FORM,
 )

@@ -21,7 +21,8 @@ def mapping(value: object, where: str, key: str) -> Mapping[str, object]:
 def term(entries: Mapping[str, object], key: str, where: str, prefix: str = "") -> float:
     """Return the number at `key`; `prefix` stands before it in messages."""
     if key not in entries:
-        raise CalibrationError(f"{where}: {prefix}{key}: is missing; found the keys {some_keys(map(str, entries))}.")
+        found = some_keys(map(str, entries)) or "none"
+        raise CalibrationError(f"{where}: {prefix}{key}: is missing; found the keys {found}.")
     return numbers.number(entries[key], where, prefix + key)
 
 

@@ -43,7 +43,7 @@ _KIND = re.compile(r"[<>|=]?(?:f[248]|[iu][1248]|b1|U[0-9]{1,3})")
 _SAVE_ANEW = "save it anew as plain arrays: np.savez('camera.npz', K=K, D=D, image_size=[width, height])"
 # Names are compared in lower case without separators.
 _MATRIX = re.compile(
-    r"(?P<start>left|right)?(?:(?:camera|cam|intrinsic)?(?:matrix|mat|mtx)|mtx|k|m|intrinsics?|cammatrix)"
+    r"(?P<start>left|right)?(?:(?:camera|cam|c|intrinsic)?(?:matrix|mat|mtx)|k|m|intrinsics?|cammatrix)"
     r"(?P<end>[0-9]|l|r|left|right|cam[0-9])?"
 )
 _DIST = re.compile(

@@ -95,6 +95,9 @@ def _read(document: Document, camera_name: str | None) -> Reading:
 def _reading(stream: _Stream, where: str, notes: tuple[str, ...]) -> Reading:
     entries, prefix = stream.entries, stream.prefix
     coeffs_key = "coeffs" if "coeffs" in entries else "distortion_coeffs"
+    _, word = _model_key(entries)
+    if coeffs_key not in entries and (word is None or _model_name(word) != "none"):
+        raise CalibrationError(f"{where}: {prefix}coeffs: is missing; if the image has no distortion, give 5 zeros.")
     coeffs = numbers.number_list(entries.get(coeffs_key, []), where, prefix + coeffs_key)
     model, dist = _lens(entries, coeffs, where, prefix)
     matrix = terms.matrix(entries, where, _KEYS, prefix)

@@ -99,6 +99,7 @@ def test_what_rs_enumerate_devices_prints() -> None:
         (intrinsics(height=-1), "width, height"),
         ({key: value for key, value in intrinsics(coeffs=[0.1] * 5).items() if key != "model"}, "model: is missing"),
         ({key: value for key, value in intrinsics().items() if key != "fy"}, "fy: is missing"),
+        ({key: value for key, value in intrinsics().items() if key != "coeffs"}, "coeffs: is missing"),
     ],
 )
 def test_what_is_refused(entries: dict[str, Any], said: str) -> None:
