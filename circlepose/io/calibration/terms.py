@@ -61,7 +61,7 @@ def refuse_rest(
     known = list(known)
     for key, value in entries.items():
         if key not in known and value != 0:
+            has = f"the model {model} has only {', '.join(known)}" if known else f"the model {model} has no such term"
             raise CalibrationError(
-                f"{where}: {prefix}{key}: is {shown(value)}, but the model {model} has only {', '.join(known)}; "
-                "correct the model or remove the key."
+                f"{where}: {prefix}{some_keys([str(key)])}: is {shown(value)}, but {has}; correct the model or this term."
             )

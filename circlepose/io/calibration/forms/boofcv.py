@@ -89,7 +89,7 @@ def _size(pinhole: _Entries, where: str) -> tuple[int, int] | None:
 def _brown(entries: _Entries, where: str) -> list[float]:
     group = terms.mapping(entries.get("radial_tangential"), where, "radial_tangential")
     radial = _list(group, "radial", where, "radial_tangential.")
-    terms.refuse_rest(_numbered(radial[3:], 3), (), where, "of OpenCV (k1, k2, k3)", "radial_tangential.radial")
+    terms.refuse_rest(_numbered(radial[3:], 3), (), where, "of OpenCV", "radial_tangential.radial")
     k1, k2, k3 = (*radial[:3], *[0.0] * (3 - len(radial)))
     t1, t2 = (numbers.number(group.get(key, 0.0), where, f"radial_tangential.{key}") for key in ("t1", "t2"))
     return [k1, k2, t1, t2, k3]
@@ -106,7 +106,7 @@ def _symmetric(entries: _Entries, where: str) -> tuple[float, list[float]]:
     values = _list(entries, "symmetric", where)
     if not values or not values[0] > 0.0:
         raise CalibrationError(f"{where}: symmetric: expected coefficients of which the first is positive.")
-    terms.refuse_rest(_numbered(values[5:], 5), (), where, "of OpenCV's fisheye lens (5 terms)", "symmetric")
+    terms.refuse_rest(_numbered(values[5:], 5), (), where, "of OpenCV's fisheye lens", "symmetric")
     scale, *rest = values[:5]
     return scale, [*(each / scale for each in rest), *[0.0] * (4 - len(rest))]
 

@@ -20,6 +20,7 @@ _FISHEYE = ("k1", "k2", "k3", "k4")
 _NEEDED = ("k1", "k2")
 # The name stands with the first camera of its kind; later ones repeat the number, without the highest bit.
 _ID_BITS = 0x7FFFFFFF
+_MOST_NAME = 100
 
 
 def _recognizes(document: Document) -> bool:
@@ -50,7 +51,7 @@ def _read(document: Document, camera_name: str | None) -> Reading:
 
 def _name(camera: _Entries, index: int) -> str:
     serial = camera.get("serial", camera.get("serialNumber"))
-    return serial if isinstance(serial, str) and serial else f"cam{index}"
+    return serial if isinstance(serial, str) and 0 < len(serial) <= _MOST_NAME else f"cam{index}"
 
 
 def _words(cameras: list[_Entries]) -> list[object]:

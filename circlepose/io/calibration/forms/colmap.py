@@ -47,6 +47,7 @@ _LINE = re.compile(r"\s*\d+\s+[A-Z][A-Z_]+[A-Z]\s+\d+\s+\d+(?:\s|$)")
 _ENTRY = struct.Struct("<iiQQ")
 _COUNT = struct.Struct("<Q")
 _MOST_PX = 1_000_000
+_MOST_DIGITS = 20
 _HALF_PIXEL = "cx, cy moved by -0.5 px: the center of COLMAP's first pixel is (0.5, 0.5)"
 
 
@@ -107,7 +108,7 @@ def _text_entries(document: Document) -> Iterator[tuple[str, _Entry]]:
         if not words or words[0].startswith("#"):
             continue
         where = f"{document.name}, line {number}"
-        if len(words) < 4:
+        if len(words) < 4 or len(words[0]) > _MOST_DIGITS:
             raise CalibrationError(
                 f"{where}: expected CAMERA_ID MODEL WIDTH HEIGHT PARAMS, got {shown(line.strip())}."
             )

@@ -39,6 +39,7 @@ _MOST_BYTES = 100_000
 """Of one array: a camera matrix has 72."""
 _MOST_MEMBERS = 1000
 _MOST_HEADER = 10_000
+_MOST_NAME = 100
 _KIND = re.compile(r"[<>|=]?(?:f[248]|[iu][1248]|b1|U[0-9]{1,3})")
 _SAVE_ANEW = "save it anew as plain arrays: np.savez('camera.npz', K=K, D=D, image_size=[width, height])"
 # Names are compared in lower case without separators.
@@ -99,7 +100,7 @@ def _members(content: bytes) -> dict[str, str]:
     except _ZIP_ERRORS:
         # A damaged archive: by the name that stands at its beginning.
         return {"": ""} if b".npy" in content[:300] else {}
-    return {name.removesuffix(".npy"): name for name in names if name.endswith(".npy")}
+    return {name.removesuffix(".npy"): name for name in names if name.endswith(".npy") and len(name) <= _MOST_NAME}
 
 
 def _read(document: Document, camera_name: str | None) -> Reading:

@@ -17,6 +17,7 @@ from circlepose.io.calibration import numbers, terms
 from circlepose.io.calibration.document import Document
 from circlepose.io.calibration.form import Form, Reading, choose
 from circlepose.io.calibration.lens_models import lens_model, plain
+from circlepose.io.text.validation import some_keys
 
 _KEYS = ("fx", "fy", "ppx", "ppy")
 # As librealsense numbers them, in JSON that states a number.
@@ -55,7 +56,8 @@ def _groups(entries: object, path: str, depth: int = 0) -> Iterator[tuple[str, _
         yield path, _Stream({str(key): value for key, value in entries.items()}, f"{path}." if path else "")
         return
     for key, value in entries.items():
-        yield from _groups(value, f"{path}.{key}" if path else str(key), depth + 1)
+        name = some_keys([str(key)])
+        yield from _groups(value, f"{path}.{name}" if path else name, depth + 1)
 
 
 def _sections(text: str) -> Iterator[tuple[str, _Stream]]:
