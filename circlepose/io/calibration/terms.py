@@ -61,7 +61,8 @@ def refuse_rest(
     known = list(known)
     for key, value in entries.items():
         if key not in known and value != 0:
-            has = f"the model {model} has only {', '.join(known)}" if known else f"the model {model} has no such term"
+            has = f"has only {', '.join(known)}" if known else "has no such term"
             raise CalibrationError(
-                f"{where}: {prefix}{some_keys([str(key)])}: is {shown(value)}, but {has}; correct the model or this term."
+                f"{where}: {prefix}{some_keys([str(key)])}: is {shown(value)}, but the model {model} {has}; "
+                "correct the model or this term."
             )
