@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 
 import circlepose
+from benchmarks.support.fuzz.calibrations import binary_calibrations, text_calibrations
 from benchmarks.support.fuzz.mutations import Rng, damaged_bytes, damaged_png, damaged_text
 from circlepose.camera.camera import Camera
 from circlepose.errors import CircleposeError, ImageError
@@ -51,6 +52,14 @@ def formats() -> Mapping[str, Format]:
         **{name: Format(content, damaged_bytes, read_image_case) for name, content in _images().items() if content},
         "png, checksums mended": Format(_encoded(".png", _picture()), damaged_png, read_image_case),
         **{name: Format(content, damaged_text, read_camera_case) for name, content in _cameras().items()},
+        **{
+            f"calibration, {name}": Format(text, damaged_text, read_camera_case)
+            for name, text in text_calibrations().items()
+        },
+        **{
+            f"calibration, {name}": Format(content, damaged_bytes, read_camera_case)
+            for name, content in binary_calibrations().items()
+        },
         **{name: Format(content, damaged_text, read_target_case) for name, content in _targets().items()},
         **{name: Format(content, damaged_text, read_table_case) for name, content in _tables().items()},
     }

@@ -44,6 +44,15 @@ def camera_matrix(value: object, where: str, key: str) -> FloatArray:
     return grid
 
 
+def turned_matrix(value: object, where: str, key: str) -> tuple[FloatArray, tuple[str, ...]]:
+    """Return a camera matrix as `camera_matrix` does, and a remark where it stood transposed (column by column)."""
+    grid = camera_matrix(value, where, key)
+    is_upper = not grid[2, :2].any()
+    if is_upper or grid[:2, 2].any():
+        return grid, ()
+    return grid.T.copy(), (f"{key} stands column by column, with (0, 0, 1) as its last column; it was transposed",)
+
+
 def coefficients(value: object, where: str, key: str) -> list[float]:
     """Return lens coefficients from {rows, cols, data}, a list, or nested lists of one row or one column."""
     if isinstance(value, list) and not value:

@@ -7,10 +7,9 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -20,26 +19,12 @@ from circlepose.camera.camera import EXACT, Camera
 from circlepose.camera.plausibility import Doubt, doubts, reprojection_doubts
 from circlepose.errors import CalibrationError
 from circlepose.io.atomic import atomic_writer
-from circlepose.io.calibration import kalibr, native, opencv, ros
-from circlepose.io.calibration.file_storage import parse_storage, storage_text
-from circlepose.io.text.source import Source, read_source
-from circlepose.io.text.validation import some_keys
+from circlepose.io.calibration.document import read_document
+from circlepose.io.calibration.file_storage import storage_text
+from circlepose.io.calibration.registry import form_of
+from circlepose.io.text.source import Source
 
 _Entries = Mapping[str, object]
-_Reader = Callable[[_Entries, str, str | None], tuple[Camera, tuple[str, ...]]]
-
-
-class _Form(NamedTuple):
-    name: str
-    recognises: Callable[[_Entries], bool]
-    read: _Reader
-
-
-_OPENCV = _Form(opencv.NAME, opencv.recognises, opencv.read)
-_KALIBR = _Form(kalibr.NAME, kalibr.recognises, kalibr.read)
-_ROS = _Form(ros.NAME, ros.recognises, ros.read)
-_OWN = _Form(native.NAME, native.recognises, native.read)
-
 
 # As compared: in lower case without separators.
 _KEYS = {
@@ -114,15 +99,15 @@ def read_camera_file(source: Source, camera_name: str | None = None) -> CameraFi
     CalibrationError
         One sentence: the file, the key, what is expected and what to do.
     """
-    text, name = read_source(source, CalibrationError)
-    entries, is_opencv = parse_storage(text, name)
+    document = read_document(source)
+    form = form_of(document)
+    entries, name = document.entries, document.name
     target = entries.get("target")
     if target is not None and not isinstance(target, Mapping):
         raise CalibrationError(f"{name}: target: expected a mapping such as {{radius_mm: 60}}, got {shown(target)}.")
-    form = _form(entries, name, is_opencv)
-    camera, notes = form.read(entries, name, camera_name)
-    found = sorted(_doubts(camera, entries, camera_name), key=lambda doubt: not doubt.is_grave)
-    return CameraFile(camera, form.name, Path(name), target, notes, tuple(found))
+    reading = form.read(document, camera_name)
+    found = sorted(_doubts(reading.camera, entries, camera_name), key=lambda doubt: not doubt.is_grave)
+    return CameraFile(reading.camera, form.name, Path(name), target, reading.notes, tuple(found))
 
 
 def write_camera(camera: Camera, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
@@ -158,19 +143,6 @@ def write_camera(camera: Camera, path: str | os.PathLike[str], *, overwrite: boo
     )
     with atomic_writer(path, overwrite=overwrite) as handle:
         handle.write(text)
-
-
-def _form(entries: _Entries, name: str, is_opencv: bool) -> _Form:
-    # An OpenCV file may lack its camera matrix, and says so best; the keys of our form with lists in place of
-    # matrices are ours, other names for them (K, cameraMatrix) are read as OpenCV's.
-    candidates = (_KALIBR, _ROS, _OPENCV) if is_opencv else (_KALIBR, _ROS, _OWN, _OPENCV)
-    for form in candidates:
-        if form.recognises(entries) or (is_opencv and form is _OPENCV):
-            return form
-    raise CalibrationError(
-        f"{name}: is no calibration of a known form (OpenCV, ROS camera_info, Kalibr, circlepose); expected "
-        f"camera_matrix, or fx, fy, cx, cy; found {some_keys(entries)}."
-    )
 
 
 def _doubts(camera: Camera, entries: _Entries, camera_name: str | None) -> Iterator[Doubt]:

@@ -14,7 +14,7 @@ from pydantic import Field
 from circlepose._arguments import shown
 from circlepose.camera.camera import Camera
 from circlepose.errors import SceneError
-from circlepose.io.calibration import native
+from circlepose.io.calibration.forms import native
 from circlepose.io.calibration.reader import read_camera
 from circlepose.io.scenes.parts import paint, plane, shape_patch, target_part
 from circlepose.io.target_file import target_from_mapping
@@ -107,7 +107,7 @@ def _camera(given: str | dict[str, Any], name: str) -> Camera:
     if isinstance(given, str):
         camera = read_camera(Path(name).parent / given)
     else:
-        camera, _ = native.read(given, f"{name}: camera", None)
+        camera = native.camera_of(given, f"{name}: camera")
     if camera.image_size is None:
         raise SceneError(f"{name}: camera: image_size: is missing; expected [width, height] in px.")
     return camera

@@ -23,15 +23,25 @@ def read_source(source: Source, error: type[CircleposeError]) -> tuple[str, str]
 
     Raises `error` when there is no such file, or it is empty, over `MAX_BYTES`, binary or not UTF-8.
     """
-    content, name = _content(source, error)
-    if len(content) > MAX_BYTES:
-        raise error(f"{name}: is larger than {MAX_BYTES // 1_000_000} MB; expected a small text file.")
-    text = content if isinstance(content, str) else _decoded(content, name, error)
+    content, name = read_content(source, error)
+    text = _decoded(content, name, error)
     if "\0" in text:
         raise error(f"{name}: is a binary file; expected text (if it is compressed, unpack it first).")
     if not text.strip():
         raise error(f"{name}: is empty; expected a text file with keys and values.")
     return text, name
+
+
+def read_content(source: Source, error: type[CircleposeError]) -> tuple[bytes, str]:
+    """Return the bytes of `source` (UTF-8, of a handle that gives text) and the name by which messages call it.
+
+    Raises `error` when there is no such file, or it is over `MAX_BYTES`.
+    """
+    content, name = _content(source, error)
+    content = content.encode("utf-8", "surrogatepass") if isinstance(content, str) else content
+    if len(content) > MAX_BYTES:
+        raise error(f"{name}: is larger than {MAX_BYTES // 1_000_000} MB; expected a small file.")
+    return content, name
 
 
 def read_regular(name: str, error: type[CircleposeError], most_bytes: int) -> bytes:

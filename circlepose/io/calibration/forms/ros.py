@@ -8,13 +8,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from circlepose._arguments import shown
-from circlepose.camera.camera import Camera, LensModel
+from circlepose.camera.camera import LensModel
 from circlepose.errors import CalibrationError
 from circlepose.io.calibration import numbers
+from circlepose.io.calibration.document import Document
+from circlepose.io.calibration.form import Form, Reading
 from circlepose.io.text.validation import some_keys
 from circlepose.io.text.yaml import MatrixNode
-
-NAME = "ROS camera_info"
 
 _MODELS: Mapping[str, tuple[LensModel, tuple[int, ...]]] = {
     "plumb_bob": ("pinhole", (0, 4, 5)),
@@ -23,16 +23,18 @@ _MODELS: Mapping[str, tuple[LensModel, tuple[int, ...]]] = {
 }
 
 
-def recognises(entries: Mapping[str, object]) -> bool:
+def _recognizes(document: Document) -> bool:
     """Whether the entries are a camera_info: untagged matrices or the message's K, and a named lens model."""
+    entries = document.entries
     matrix = entries.get("camera_matrix")
     if isinstance(matrix, Mapping) and not isinstance(matrix, MatrixNode):
         return True
     return any(isinstance(entries.get(key), list) for key in ("K", "k")) and "distortion_model" in entries
 
 
-def read(entries: Mapping[str, object], where: str, camera_name: str | None) -> tuple[Camera, tuple[str, ...]]:
-    """Return the camera of a camera_info and remarks; `camera_name`, if given, must be the file's own."""
+def _read(document: Document, camera_name: str | None) -> Reading:
+    """Return the camera of a camera_info; `camera_name`, if given, must be the file's own."""
+    where, entries = document.name, document.entries
     own_name = entries.get("camera_name")
     if camera_name is not None and camera_name != own_name:
         only = some_keys([own_name]) if isinstance(own_name, str) and own_name else "one without a name"
@@ -43,7 +45,7 @@ def read(entries: Mapping[str, object], where: str, camera_name: str | None) -> 
     dist = numbers.coefficients(entries[dist_key], where, dist_key)
     model = _model(entries, dist, dist_key, where)
     matrix = numbers.camera_matrix(entries[matrix_key], where, matrix_key)
-    return numbers.build_camera(where, (matrix_key, matrix), (dist_key, dist), _size(entries, where), model), ()
+    return Reading(numbers.build_camera(where, (matrix_key, matrix), (dist_key, dist), _size(entries, where), model))
 
 
 def _first(entries: Mapping[str, object], keys: tuple[str, ...], where: str) -> str:
@@ -89,3 +91,6 @@ def _check_window(entries: Mapping[str, object], where: str) -> None:
                 f"{where}: {key}: is {shown(value)}; images that are binned or cut out are not supported, "
                 "calibrate them as they are and leave this key at 0."
             )
+
+
+FORM = Form("ROS camera_info", _recognizes, _read)

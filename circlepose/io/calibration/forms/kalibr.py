@@ -8,9 +8,8 @@ from circlepose._arguments import shown
 from circlepose.camera.camera import Camera, LensModel
 from circlepose.errors import CalibrationError
 from circlepose.io.calibration import numbers
-from circlepose.io.text.validation import some_keys
-
-NAME = "Kalibr camchain"
+from circlepose.io.calibration.document import Document
+from circlepose.io.calibration.form import Form, Reading, choose
 
 _DISTORTIONS: Mapping[str, tuple[LensModel, int]] = {
     "radtan": ("pinhole", 4),
@@ -20,20 +19,16 @@ _DISTORTIONS: Mapping[str, tuple[LensModel, int]] = {
 }
 
 
-def recognises(entries: Mapping[str, object]) -> bool:
+def _recognizes(document: Document) -> bool:
     """Whether the entries hold at least one camera with Kalibr's keys."""
-    return bool(_cameras(entries))
+    return bool(_cameras(document.entries))
 
 
-def read(entries: Mapping[str, object], where: str, camera_name: str | None) -> tuple[Camera, tuple[str, ...]]:
-    """Return one camera of a camchain (`camera_name`, or the first) and remarks."""
-    cameras = _cameras(entries)
-    name = camera_name if camera_name is not None else min(cameras)
-    if name not in cameras:
-        raise CalibrationError(f"{where}: holds no camera {name!r}; its cameras are {some_keys(cameras)}.")
-    several = len(cameras) > 1 and camera_name is None
-    notes = (f"{name} taken, of the {len(cameras)} cameras {some_keys(cameras)}",) if several else ()
-    return _camera(cameras[name], f"{where}: {name}" if name else where), notes
+def _read(document: Document, camera_name: str | None) -> Reading:
+    """Return one camera of a camchain (`camera_name`, or the first)."""
+    cameras = _cameras(document.entries)
+    name, notes = choose(sorted(cameras), camera_name, document.name)
+    return Reading(_camera(cameras[name], f"{document.name}: {name}" if name else document.name), notes)
 
 
 def _cameras(entries: Mapping[str, object]) -> dict[str, Mapping[str, object]]:
@@ -72,3 +67,6 @@ def _camera(entries: Mapping[str, object], where: str) -> Camera:
         width, height = numbers.number_list(entries["resolution"], where, "resolution", 2)
         size = numbers.image_size(width, height, where, "resolution")
     return numbers.build_camera(where, ("intrinsics", matrix), (key, dist), size, model)
+
+
+FORM = Form("Kalibr camchain", _recognizes, _read)

@@ -10,9 +10,9 @@ from pydantic import Field
 from circlepose.camera.camera import LENS_MODELS, Camera, LensModel
 from circlepose.errors import CalibrationError
 from circlepose.io.calibration import numbers
+from circlepose.io.calibration.document import Document
+from circlepose.io.calibration.form import Form, Reading, refuse_name
 from circlepose.io.text.validation import Strict, parse
-
-NAME = "circlepose"
 
 _Row = Annotated[list[float], Field(min_length=3, max_length=3)]
 
@@ -39,22 +39,29 @@ KEYS = tuple(_CameraForm.model_fields)
 _SHARED_KEYS = ("camera_matrix", "target")
 
 
-def recognises(entries: Mapping[str, object]) -> bool:
+def _recognizes(document: Document) -> bool:
     """Whether the entries have a key that is ours alone, or none that is not ours."""
+    entries = document.entries
+    if not entries or document.is_file_storage:
+        return False
     return any(key in entries for key in KEYS if key not in _SHARED_KEYS) or set(entries) <= set(KEYS)
 
 
-def read(entries: Mapping[str, object], where: str, camera_name: str | None) -> tuple[Camera, tuple[str, ...]]:
+def _read(document: Document, camera_name: str | None) -> Reading:
     """Return the camera of our own form; it holds one camera, which has no name."""
-    if camera_name is not None:
-        raise CalibrationError(f"{where}: holds one camera, without a name; leave out the name {camera_name!r}.")
+    refuse_name(camera_name, document.name)
+    return Reading(camera_of(document.entries, document.name))
+
+
+def camera_of(entries: Mapping[str, object], where: str) -> Camera:
+    """Return the camera that our own keys describe; raises `CalibrationError` naming `where` and the key."""
     form = parse(_CameraForm, entries, where, CalibrationError)
     size = None
     if form.image_size is not None:
         size = numbers.image_size(form.image_size[0], form.image_size[1], where, "image_size")
     matrix_key, matrix = _matrix(form, where)
     camera = numbers.build_camera(where, (matrix_key, matrix), ("dist_coeffs", form.dist_coeffs), size, form.model)
-    return numbers.with_sigma(camera, where, form.focal_sigma_px, form.center_sigma_px), ()
+    return numbers.with_sigma(camera, where, form.focal_sigma_px, form.center_sigma_px)
 
 
 def _matrix(form: _CameraForm, where: str) -> tuple[str, list[list[float]]]:
@@ -68,3 +75,6 @@ def _matrix(form: _CameraForm, where: str) -> tuple[str, list[list[float]]]:
         missing = ", ".join(key for key in parts if key not in given)
         raise CalibrationError(f"{where}: {missing}: missing; give camera_matrix, or all of fx, fy, cx, cy in px.")
     return "fx, fy", [[form.fx, 0.0, form.cx], [0.0, form.fy, form.cy], [0.0, 0.0, 1.0]]
+
+
+FORM = Form("circlepose", _recognizes, _read, is_generic=True)

@@ -11,10 +11,10 @@ from circlepose._typing import FloatArray
 from circlepose.camera.camera import Camera, LensModel
 from circlepose.errors import CalibrationError
 from circlepose.io.calibration import numbers
+from circlepose.io.calibration.document import Document
+from circlepose.io.calibration.form import Form, Reading
 from circlepose.io.text.validation import some_keys
 from circlepose.io.text.yaml import MatrixNode
-
-NAME = "OpenCV FileStorage"
 
 # Keys are compared in lower case without separators. The digit at the end is the camera of a stereo file: M1 D1.
 _END = r"(?P<end>[0-9]|left|right)?"
@@ -27,13 +27,18 @@ _FISHEYE_WORDS = ("fisheye", "equidistant", "kannalabrandt", "kb4")
 _PINHOLE_WORDS = ("pinhole", "opencv", "plumbbob", "radtan", "radialtangential", "rational", "brown", "standard")
 
 
-def recognises(entries: Mapping[str, object]) -> bool:
-    """Whether a matrix stands under one of the names of a camera matrix."""
-    return any(_MATRIX_KEY.fullmatch(_plain(key)) and _is_matrix(value) for key, value in entries.items())
+def _recognizes(document: Document) -> bool:
+    """Whether the syntax is OpenCV's, or a matrix stands under one of the names of a camera matrix."""
+    # An OpenCV file may lack its camera matrix, and says so best.
+    entries = document.entries
+    return document.is_file_storage or any(
+        _MATRIX_KEY.fullmatch(_plain(key)) and _is_matrix(value) for key, value in entries.items()
+    )
 
 
-def read(entries: Mapping[str, object], where: str, camera_name: str | None) -> tuple[Camera, tuple[str, ...]]:
+def _read(document: Document, camera_name: str | None) -> Reading:
     """Return the camera of a FileStorage file and remarks; `camera_name` picks one of several, as `2` or `M2`."""
+    where, entries = document.name, document.entries
     matrices = _keys(entries, _MATRIX_KEY, where)
     if not matrices:
         raise CalibrationError(f"{where}: camera_matrix: is missing; found the keys {some_keys(entries)}.")
@@ -54,7 +59,7 @@ def read(entries: Mapping[str, object], where: str, camera_name: str | None) -> 
         )
     matrix: FloatArray = numbers.camera_matrix(entries[matrix_key], where, matrix_key)
     camera = numbers.build_camera(where, (matrix_key, matrix), (dist_key, dist), _image_size(entries, where), model)
-    return _with_sigma(camera, entries, where, end), notes
+    return Reading(_with_sigma(camera, entries, where, end), notes)
 
 
 def _plain(key: str) -> str:
@@ -137,3 +142,6 @@ def _image_size(entries: Mapping[str, object], where: str) -> tuple[int, int] | 
             width, height = numbers.number_list(value, where, key, 2)
             return numbers.image_size(width, height, where, key)
     return None
+
+
+FORM = Form("OpenCV FileStorage", _recognizes, _read, is_generic=True)

@@ -1,0 +1,1 @@
+"""Calibration files, a form a module: each recognizes its files by their content and reads one camera of them."""

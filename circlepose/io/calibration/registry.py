@@ -1,0 +1,63 @@
+"""All forms of calibration files, and which of them a document is of.
+
+To add one: a module in `forms/` with a `FORM`, and its line here.
+"""
+
+from __future__ import annotations
+
+from circlepose.errors import CalibrationError
+from circlepose.io.calibration.document import Document
+from circlepose.io.calibration.form import Form
+from circlepose.io.calibration.forms import (
+    basalt,
+    boofcv,
+    calib_io,
+    camodocal,
+    colmap,
+    kalibr,
+    limelight,
+    mrcal,
+    native,
+    numpy_arrays,
+    opencv,
+    orb_slam,
+    photonvision,
+    realsense,
+    ros,
+    stella_vslam,
+    zivid,
+)
+from circlepose.io.calibration.unknown import unknown_form
+
+FORMS: tuple[Form, ...] = (
+    kalibr.FORM,
+    ros.FORM,
+    colmap.FORM,
+    numpy_arrays.FORM,
+    mrcal.FORM,
+    orb_slam.FORM,
+    stella_vslam.FORM,
+    camodocal.FORM,
+    basalt.FORM,
+    photonvision.FORM,
+    realsense.FORM,
+    boofcv.FORM,
+    zivid.FORM,
+    calib_io.FORM,
+    limelight.FORM,
+    native.FORM,
+    opencv.FORM,
+)
+"""generic ones in the order in which they are asked"""
+
+
+def form_of(document: Document) -> Form:
+    """Return the form of a document; raises `CalibrationError` where it is none that is known, or two at once."""
+    found = [form for form in FORMS if form.recognizes(document)]
+    specific = [form for form in found if not form.is_generic]
+    if len(specific) > 1:
+        names = " and ".join(form.name for form in specific)
+        raise CalibrationError(f"{document.name}: looks like two forms at once, {names}; keep the keys of one.")
+    if found:
+        return (specific or found)[0]
+    raise unknown_form(document)
