@@ -8,14 +8,16 @@ from __future__ import annotations
 from circlepose.errors import CalibrationError
 from circlepose.io.calibration.document import Document
 from circlepose.io.calibration.form import Form
-from circlepose.io.calibration.forms import kalibr, native, opencv, ros
+from circlepose.io.calibration.forms import kalibr, native, opencv, plain, ros, ros_ini
 from circlepose.io.calibration.unknown import unknown_form
 
 FORMS: tuple[Form, ...] = (
     kalibr.FORM,
     ros.FORM,
+    ros_ini.FORM,
     native.FORM,
     opencv.FORM,
+    plain.FORM,
 )
 """generic ones in the order in which they are asked"""
 
