@@ -24,6 +24,8 @@ from circlepose.io.text.validation import brief, some_keys
 
 _Fields = Sequence[Field]
 _HOW_MATRIX = "give camera_matrix, or all of fx, fy, cx, cy in px"
+FROM_ONE = "if MATLAB wrote it, subtract 1 from cx and cy: MATLAB counts pixels from (1, 1)"
+"""remark on a camera matrix that stands column by column"""
 _MOST_COMPARED = 500
 """A key is compared with those that we know in 0.2 ms."""
 _EXPECTED = {
@@ -55,11 +57,6 @@ def assemble(fields: _Fields, where: str, *, is_storage: bool = False) -> Readin
     dist_key, dist, said = distortion.coefficients(fields, where, model, is_needed=is_storage)
     size, turned = _size(fields, where, matrix)
     notes += said + turned
-    if model is None and len(dist) == 4 and any(dist) and not any(each.role == "coefficient" for each in fields):
-        notes += (
-            "the 4 coefficients are taken for a pinhole lens (k1 k2 p1 p2); "
-            f"for a fisheye lens add fisheye_model: 1 to {where}",
-        )
     camera = numbers.build_camera(where, (matrix_key, matrix), (dist_key, dist), size, model or "pinhole")
     if camera.camera_matrix[0, 1]:
         notes += (f"the skew of {camera.camera_matrix[0, 1]:g} px is used: x = fx u + skew v + cx",)
@@ -142,8 +139,7 @@ def _matrix(fields: _Fields, where: str) -> tuple[str, FloatArray | list[list[fl
         notes: tuple[str, ...] = ()
     else:
         matrix, notes = numbers.turned_matrix(field.value, where, field.path)
-        if notes:
-            notes += ("if MATLAB wrote it, subtract 1 from cx and cy: MATLAB counts pixels from (1, 1)",)
+        notes += (FROM_ONE,) if notes else ()
     places = {"fx": (0, 0), "fy": (1, 1), "cx": (0, 2), "cy": (1, 2)}
     for name, (key, value) in parts.items():
         if name in places and not math.isclose(value, float(matrix[places[name][0]][places[name][1]]), rel_tol=1e-6):

@@ -20,6 +20,8 @@ from circlepose.io.calibration.keys import (
 from circlepose.io.text.validation import some_keys
 
 _DEPTH = 6
+_MOST_KEYS = 10_000
+_MOST_KINDS = 20
 _NAMES = ("name", "camera_name", "camera", "id", "serial", "serial_number", "camera_id")
 
 
@@ -35,14 +37,24 @@ class Found:
     """its own, and those that hold for all cameras of the file"""
 
 
-def cameras_of(entries: Mapping[str, object]) -> list[Found]:
-    """Return the cameras of a file in the order in which they stand there; those numbered by key, by number."""
-    return [each for found in _group(entries, "", 0).cameras for each in _by_end(found)]
+def cameras_of(entries: Mapping[str, object], where: str) -> list[Found]:
+    """Return the cameras of a file in the order in which they stand there; those numbered by key, by number.
+
+    Raises `CalibrationError` on more keys than a calibration has.
+    """
+    counter = _Counter()
+    top = _group(entries, "", 0, counter)
+    if counter.keys > _MOST_KEYS:
+        raise CalibrationError(
+            f"{where}: holds more than {_MOST_KEYS} keys; give the calibration of one camera alone, without the "
+            "points that it was made from."
+        )
+    return [each for found in top.cameras for each in _by_end(found)]
 
 
 def fields_of(entries: Mapping[str, object]) -> tuple[Field, ...]:
-    """Return all keys of a file, whatever camera they are of."""
-    return tuple(_group(entries, "", 0).all_fields)
+    """Return all keys of a file, whatever camera they are of; of one with very many, the first."""
+    return tuple(_group(entries, "", 0, _Counter()).all_fields)
 
 
 def pick(cameras: Sequence[Found], camera_name: str | None, where: str) -> tuple[Found, tuple[str, ...]]:
@@ -59,6 +71,13 @@ def pick(cameras: Sequence[Found], camera_name: str | None, where: str) -> tuple
     if not any(known):
         raise CalibrationError(f"{where}: holds one camera, without a name; leave out the name {camera_name!r}.")
     raise CalibrationError(f"{where}: holds no camera {camera_name!r}; its cameras are {some_keys(known)}.")
+
+
+@dataclass(slots=True)
+class _Counter:
+    """How many keys were looked at; from some number on no more are."""
+
+    keys: int = 0
 
 
 @dataclass(frozen=True)
@@ -104,25 +123,41 @@ class _Group:
         return fields
 
 
-def _group(entries: Mapping[str, object], path: str, depth: int, *, is_listed: bool = False) -> _Group:
+def _group(
+    entries: Mapping[str, object], path: str, depth: int, counter: _Counter, *, is_listed: bool = False
+) -> _Group:
     own: list[Field] = []
     inner: dict[str, _Group] = {}
     for key, value in unfolded(entries).items():
         here = f"{path}{key}"
-        groups = None if depth == _DEPTH or is_aside(key) else _groups(value)
-        if groups is None:
+        counter.keys += 1
+        if counter.keys > _MOST_KEYS:
+            break
+        groups = None if depth == _DEPTH else _groups(value)
+        if groups is None or is_aside(key) or (isinstance(value, list) and not _may_be_cameras(value, depth)):
             own.append(field_of(key, value, here))
         else:
-            inner[key] = _group(groups, f"{here}.", depth + 1, is_listed=isinstance(value, list))
+            inner[key] = _group(groups, f"{here}.", depth + 1, counter, is_listed=isinstance(value, list))
     names = tuple(str(entries[key]) for key in _NAMES if isinstance(entries.get(key), str | int))
     return _Group(path, tuple(own), inner, names, is_listed)
+
+
+def _may_be_cameras(groups: Sequence[Mapping[str, object]], depth: int) -> bool:
+    """Whether one of the groups in a list holds a camera: lists of points and of views are long, and alike."""
+    kinds = {tuple(group): group for group in groups}
+    return any(
+        _group(group, "", depth + 1, _Counter(), is_listed=True).cameras
+        for group in list(kinds.values())[:_MOST_KINDS]
+    )
 
 
 def unfolded(entries: Mapping[str, object]) -> dict[str, object]:
     """Return keys with groups before them, `LEFT.K`, as groups of keys."""
     kept: dict[str, object] = {}
     grouped: dict[str, dict[str, object]] = {}
-    for key, value in entries.items():
+    for name, value in entries.items():
+        # YAML has keys that are numbers.
+        key = str(name)
         group, dot, rest = key.partition(".")
         if dot and group and rest and group not in entries:
             grouped.setdefault(group, {})[rest] = value

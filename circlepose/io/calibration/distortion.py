@@ -66,7 +66,14 @@ def coefficients(
         for other in (*lists[1:], *named):
             raise CalibrationError(f"{where}: {lists[0].path}, {other.path}: mean the same; remove one of them.")
         key = lists[0].path
-        return key, _of_list(numbers.coefficients(lists[0].value, where, key), where, key, model), ()
+        dist = numbers.coefficients(lists[0].value, where, key)
+        notes: tuple[str, ...] = ()
+        if model is None and len(dist) == 4 and any(dist):
+            notes = (
+                "the 4 coefficients are taken for a pinhole lens (k1 k2 p1 p2); "
+                f"for a fisheye lens add fisheye_model: 1 to {where}",
+            )
+        return key, _of_list(dist, where, key, model), notes
     if named:
         return named[0].path, _in_order(_terms(named, where), where, model), ()
     if is_needed:

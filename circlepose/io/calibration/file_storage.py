@@ -25,7 +25,9 @@ _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?\.(?i:inf)
 _NO_BLANK = re.compile(r"^([ \t]*[A-Za-z_][\w.-]*):(?=[-+.\d\"\[{!])", re.MULTILINE)
 _EXAMPLE = "fx: 1200"
 _JSON = re.compile(r"\s*(?:\{\s*[\"}]|\[\s*[\[{\"\d-])")
-_JSON_QUIRK = re.compile(r'("(?:\\(?s:.)|[^"\\])*(?:"|\\?\Z))|//[^\n]*|(-?)\.(Nan|Inf)\b|(\d\.)(?=[^\d])')
+_JSON_QUIRK = re.compile(
+    r'("(?:\\(?s:.)|[^"\\])*(?:"|\\?\Z))|//[^\n]*|(-?)\.(Nan|Inf)\b|(\d\.)(?=[^\d])|(,)(?=\s*[}\]])'
+)
 
 
 def parse_storage(text: str, name: str) -> tuple[dict[str, object], bool]:
@@ -87,20 +89,16 @@ def _parse_json(text: str, name: str) -> object:
     except RecursionError:
         raise CalibrationError(f"{name}: is nested too deeply.") from None
     except json.JSONDecodeError as reason:
-        # YAML takes what JSON does not, such as a comma after the last value.
-        try:
-            return load_yaml(text, name, CalibrationError)
-        except CalibrationError as problem:
-            if "given twice" in str(problem):
-                raise
-            raise CalibrationError(f"{name}, line {reason.lineno}: is not valid JSON ({reason.msg}).") from None
+        raise CalibrationError(
+            f"{name}, line {reason.lineno}: is not valid JSON ({reason.msg}); correct this line."
+        ) from None
     except ValueError as reason:
         raise CalibrationError(f"{name}: {reason}.") from None
 
 
 def _plain_json(match: re.Match[str]) -> str:
-    """Return JSON that Python reads for what OpenCV writes: comments, .Nan, .Inf and numbers like `1.`."""
-    string, sign, word, number = match.groups()
+    """Return JSON that Python reads for what OpenCV writes: comments, .Nan, .Inf, `1.`; and for a last comma."""
+    string, sign, word, number, _ = match.groups()
     if string is not None:
         return string
     if word is not None:

@@ -10,6 +10,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
+from functools import lru_cache
 
 from circlepose.errors import CalibrationError
 from circlepose.io.calibration.lens_models import lens_model, plain
@@ -56,6 +57,8 @@ _ROLES: Mapping[str, re.Pattern[str]] = {
         "target": "target",
     }.items()
 }
+_ANY_ROLE = re.compile("|".join(f"(?:{pattern.pattern})" for pattern in _ROLES.values()))
+_LONGEST = 60
 _NUMBERS = ("fx", "fy", "cx", "cy", "skew", "alpha", "coefficient", "width", "height", "focal_sigma", "center_sigma")
 _LOOSE_MODELS = re.compile(r"(?:camera|cam|lens)?type|lens|projection|distortion")
 """keys whose text is a lens model only if it is one that we know"""
@@ -69,7 +72,10 @@ _ASIDE = re.compile(
 _DISTORTS = re.compile(
     r".*(?:dist(?!ance|to)|coef|radial|tangential|aberr|thinprism).*|[kpdb][0-9]+|tau.*|xi|tilt[xy]"
 )
-_NO_LENS = re.compile(r".*(?:std|sigma|cov|err|residual|rms|undist|isdist|optimal|new|rect|time|date|path|file).*")
+_NO_LENS = re.compile(
+    r"(?:undist|isdist|has|use|new|optimal|rect|std|sigma).*|.*(?:std|stddev|stdev|sigmas?|cov|covariance|errors?)"
+)
+"""what looks like distortion, and is something about it"""
 _NAMES = (
     *("model", "camera_matrix", "fx", "fy", "cx", "cy", "dist_coeffs", "image_size", "focal_sigma_px"),
     *("center_sigma_px", "target", "distortion_coefficients", "image_width", "image_height", "distortion_model"),
@@ -98,12 +104,22 @@ class Field:
 
 def field_of(key: str, value: object, path: str) -> Field:
     """Return what a key and its value are."""
-    name = plain(key)
-    for stem, end in _splits(name):
-        for role, pattern in _ROLES.items():
-            if pattern.fullmatch(stem) and _fits(role, stem, value):
-                return Field(path, role, end, value)
+    for role, stem, end in _meanings(plain(key)):
+        if _fits(role, stem, value):
+            return Field(path, role, end, value)
     return Field(path, "", "", value)
+
+
+@lru_cache(maxsize=4096)
+def _meanings(name: str) -> tuple[tuple[str, str, str], ...]:
+    """Return what a key may mean: role, the key without the part that says of which camera, and that part."""
+    return tuple(
+        (role, stem, end)
+        for stem, end in _splits(name)
+        if len(stem) <= _LONGEST and _ANY_ROLE.fullmatch(stem)
+        for role, pattern in _ROLES.items()
+        if pattern.fullmatch(stem)
+    )
 
 
 def is_group(value: object) -> bool:
@@ -154,7 +170,7 @@ def _splits(name: str) -> list[tuple[str, str]]:
 def _fits(role: str, stem: str, value: object) -> bool:
     """Whether a value may be meant for a role; so that `size: 0.025` is no image size, nor `K1: 0.1` a matrix."""
     if value is None:
-        return len(stem) > 1
+        return len(stem) > 1 or stem in ("k", "d")
     if role in ("matrix", "distortion", "radial", "tangential", "deviation", "shape"):
         return is_matrix(value)
     if role == "size":

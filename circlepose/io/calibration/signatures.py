@@ -62,6 +62,11 @@ _BY_TEXT: tuple[tuple[str, str], ...] = (
         r"(?=[^\n]*\bimage\b)[\w ]+,(?=[^\n]*(?:center_x_mm|normal_x|status))[^\n]*",
         "is a table of poses, no calibration; give the file with the camera matrix",
     ),
+    (
+        r"\((?:dp|lp)\d|c(?:numpy|builtins|copy_reg|__builtin__|_codecs)\b[\w.]*\n",
+        f"is a Python pickle, which is never loaded, since it may run any program; {_AS_TEXT} "
+        "(json.dump of matrix.tolist()), or numpy.savez",
+    ),
     (r"version https://git-lfs", "is a pointer of Git LFS, not the file itself; fetch it with git lfs pull"),
     (
         r"\s*Calibration results\s*\n=+\s*\n\s*Camera-system parameters|\s*Camera-system parameters",

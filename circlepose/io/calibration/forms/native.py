@@ -10,6 +10,7 @@ from pydantic import Field
 from circlepose.camera.camera import LENS_MODELS, Camera, LensModel
 from circlepose.errors import CalibrationError
 from circlepose.io.calibration import numbers
+from circlepose.io.calibration.assembly import FROM_ONE
 from circlepose.io.calibration.document import Document
 from circlepose.io.calibration.form import Form, Reading, refuse_name
 from circlepose.io.text.validation import Strict, parse
@@ -66,6 +67,7 @@ def _read(document: Document, camera_name: str | None) -> Reading:
     matrix = entries.get("camera_matrix")
     if _is_column_by_column(matrix):
         turned, notes = numbers.turned_matrix(matrix, document.name, "camera_matrix")
+        notes += (FROM_ONE,)
         entries = {**entries, "camera_matrix": turned.tolist()}
     return Reading(camera_of(entries, document.name), notes)
 

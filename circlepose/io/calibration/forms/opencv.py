@@ -18,7 +18,7 @@ def _recognizes(document: Document) -> bool:
 
 def _read(document: Document, camera_name: str | None) -> Reading:
     """Return the camera of a FileStorage file and remarks; `camera_name` picks one of several, as `2` or `M2`."""
-    where, cameras = document.name, cameras_of(document.entries)
+    where, cameras = document.name, cameras_of(document.entries, document.name)
     if not cameras:
         raise CalibrationError(f"{where}: camera_matrix: is missing; found the keys {some_keys(document.entries)}.")
     camera, notes = pick(cameras, camera_name, where)

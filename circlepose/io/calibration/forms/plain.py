@@ -23,7 +23,7 @@ def _recognizes(document: Document) -> bool:
 
 def _read(document: Document, camera_name: str | None) -> Reading:
     """Return the camera and remarks; of several the one in the group `camera_name`."""
-    where, cameras = document.name, cameras_of(document.entries)
+    where, cameras = document.name, cameras_of(document.entries, document.name)
     if not cameras:
         refuse_name(camera_name, where)
         return assemble(fields_of(document.entries), where)

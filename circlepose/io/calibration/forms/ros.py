@@ -18,6 +18,13 @@ from circlepose.io.text.validation import some_keys
 from circlepose.io.text.yaml import MatrixNode
 
 _DEPTH = 6
+_OWN_KEYS = (
+    "distortion_coefficients",
+    "distortion_model",
+    "camera_name",
+    "rectification_matrix",
+    "projection_matrix",
+)
 _FEW = 5
 """coefficients of plumb_bob; the rational models have more"""
 
@@ -83,7 +90,7 @@ def _nested(
 def _is_info(entries: Mapping[str, object]) -> bool:
     matrix = entries.get("camera_matrix")
     if isinstance(matrix, Mapping) and not isinstance(matrix, MatrixNode) and ("data" in matrix or "rows" in matrix):
-        return True
+        return any(key in entries for key in _OWN_KEYS)
     return _is_message(entries)
 
 
