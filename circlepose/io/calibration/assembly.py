@@ -88,7 +88,7 @@ def _check_unknown(fields: _Fields, where: str) -> None:
             )
         if field.role:
             continue
-        if looks_like_distortion(key) and _is_something(field.value):
+        if looks_like_distortion(key, field.value) and _is_something(field.value):
             near = near_name(key, 0.7)
             hint = (
                 f"did you mean {near}?"

@@ -18,6 +18,7 @@ from circlepose.io.text.source import MAX_BYTES, Source, read_content
 
 _GZIP = b"\x1f\x8b"
 _UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+_LEAST_UTF_16 = 16
 _MOSTLY = 0.4
 """Share of bytes of 0 at every other place from which a text is UTF-16; of ASCII all of them are."""
 _PLAIN = bytes(range(32, 127)) + b"\t\n\r\f"
@@ -105,10 +106,12 @@ def _encoding(content: bytes) -> str | None:
     """Return the encoding of a text; None for what is no text. Of remarks in others than Unicode nothing is kept."""
     if content.startswith(_UTF_16):
         return "utf-16"
-    begin = content[:4096]
     for encoding, at in (("utf-16-le", 1), ("utf-16-be", 0)):
-        if len(begin) > 3 and begin[at::2].count(0) > _MOSTLY * len(begin[at::2]) and not begin[1 - at :: 2].count(0):
-            return encoding
+        begin = content[:4096]
+        if len(begin) >= _LEAST_UTF_16 and begin[at::2].count(0) > _MOSTLY * len(begin[at::2]):
+            words = begin.decode(encoding, "replace")
+            if all(each.isprintable() or each.isspace() for each in words[:-1]):
+                return encoding
     try:
         content.decode("utf-8")
     except UnicodeDecodeError:

@@ -69,9 +69,8 @@ _ASIDE = re.compile(
     r"covariance|screen).*|(?:target|roi|crop|sensor|new.*|images|imu|header|stamp|pose|grid|views?|r|t|p|q|e|f)[0-9]?"
 )
 """groups of keys about something else than the lens"""
-_DISTORTS = re.compile(
-    r".*(?:dist(?!ance|to)|coef|radial|tangential|aberr|thinprism).*|[kpdb][0-9]+|tau.*|xi|tilt[xy]"
-)
+_DISTORTS = re.compile(r".*(?:dist(?!ance|to)|coef|radial|tangential|aberr|thinprism).*|tau.*|xi|tilt[xy]")
+_NUMBERED = re.compile(r"[kpdb][0-9]+")
 _NO_LENS = re.compile(
     r"(?:undist|isdist|has|use|new|optimal|rect|std|sigma).*|.*(?:std|stddev|stdev|sigmas?|cov|covariance|errors?)"
 )
@@ -137,9 +136,11 @@ def is_aside(key: str) -> bool:
     return _ASIDE.fullmatch(plain(key)) is not None
 
 
-def looks_like_distortion(key: str) -> bool:
-    """Whether a key that is not understood may be a term of the lens."""
+def looks_like_distortion(key: str, value: object) -> bool:
+    """Whether a key that is not understood may be a term of the lens; P1 may, if it is one number and no matrix."""
     name = plain(key)
+    if _is_number(value) and _NUMBERED.fullmatch(name):
+        return True
     return _DISTORTS.fullmatch(name) is not None and _NO_LENS.fullmatch(name) is None
 
 
