@@ -24,6 +24,8 @@ from circlepose.io.text.validation import brief, some_keys
 
 _Fields = Sequence[Field]
 _HOW_MATRIX = "give camera_matrix, or all of fx, fy, cx, cy in px"
+_HARMLESS = ("name", "cameraname", "id", "cameraid", "serial", "serialnumber")
+"""by which a camera is asked for"""
 FROM_ONE = "if MATLAB wrote it, subtract 1 from cx and cy: MATLAB counts pixels from (1, 1)"
 """remark on a camera matrix that stands column by column"""
 _MOST_COMPARED = 500
@@ -60,7 +62,7 @@ def assemble(fields: _Fields, where: str, *, is_storage: bool = False) -> Readin
     camera = numbers.build_camera(where, (matrix_key, matrix), (dist_key, dist), size, model or "pinhole")
     if camera.camera_matrix[0, 1]:
         notes += (f"the skew of {camera.camera_matrix[0, 1]:g} px is used: x = fx u + skew v + cx",)
-    unused = [each.path for each in fields if not each.role]
+    unused = [each.path for each in fields if not each.role and each.name not in _HARMLESS]
     if unused and not is_storage:
         notes += (f"not used: {some_keys(unused)}",)
     errors = {each.path: numbers.number(each.value, where, each.path) for each in fields if each.role == "error"}
@@ -88,7 +90,7 @@ def _check_unknown(fields: _Fields, where: str) -> None:
             )
         if field.role:
             continue
-        if looks_like_distortion(key, field.value) and _is_something(field.value):
+        if looks_like_distortion(field) and _is_something(field.value):
             near = near_name(key, 0.7)
             hint = (
                 f"did you mean {near}?"
@@ -133,8 +135,8 @@ def _matrix(fields: _Fields, where: str) -> tuple[str, FloatArray | list[list[fl
             raise CalibrationError(f"{where}: {_missing(missing)}: missing; {_HOW_MATRIX}; found {found}.")
         return ", ".join(dict.fromkeys([parts["fx"][0], parts["fy"][0]])), _square(parts), ()
     field = stated[0]
-    if isinstance(field.value, list) and len(field.value) == 4 and "intrinsic" in field.name:
-        four = numbers.number_list(field.value, where, field.path)
+    four = _four(field, where)
+    if four is not None:
         matrix: FloatArray | list[list[float]] = [[four[0], 0.0, four[2]], [0.0, four[1], four[3]], [0.0, 0.0, 1.0]]
         notes: tuple[str, ...] = ()
     else:
@@ -147,6 +149,16 @@ def _matrix(fields: _Fields, where: str) -> tuple[str, FloatArray | list[list[fl
                 f"{where}: {key}: contradicts {field.path}; give either {field.path} or fx, fy, cx, cy, not both."
             )
     return field.path, matrix, notes
+
+
+def _four(field: Field, where: str) -> list[float] | None:
+    """Return fx, fy, cx, cy where a key such as `intrinsics` has these four numbers in place of a matrix."""
+    value = field.value
+    if isinstance(value, Mapping):
+        value = value.get("data")
+    if not isinstance(value, list) or len(value) != 4 or any(isinstance(each, list) for each in value):
+        return None
+    return numbers.number_list(value, where, field.path) if "intrinsic" in plain(field.path) else None
 
 
 def _missing(names: Iterable[str]) -> str:

@@ -135,7 +135,7 @@ def _group(
             break
         groups = None if depth == _DEPTH else _groups(value)
         if groups is None or is_aside(key) or (isinstance(value, list) and not _may_be_cameras(value, depth)):
-            own.append(field_of(key, value, here))
+            own.append(field_of(key, value, here, path.rstrip(".").rpartition(".")[2]))
         else:
             inner[key] = _group(groups, f"{here}.", depth + 1, counter, is_listed=isinstance(value, list))
     names = tuple(str(entries[key]) for key in _NAMES if isinstance(entries.get(key), str | int))

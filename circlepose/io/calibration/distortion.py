@@ -30,7 +30,7 @@ def stated_model(fields: Sequence[Field], where: str) -> LensModel | None:
             fine.append((field.path, "fisheye" if field.value else "pinhole"))
         elif field.role == "model" and isinstance(field.value, str) and field.value.strip():
             # A camera model `pinhole` says how rays reach the lens; the distortion model is the finer statement.
-            (fine if "dist" in field.name else coarse).append(
+            (fine if "dist" in plain(field.path) else coarse).append(
                 (field.path, named_model(field.value, where, field.path))
             )
     if not fine + coarse:
@@ -67,6 +67,12 @@ def coefficients(
             raise CalibrationError(f"{where}: {lists[0].path}, {other.path}: mean the same; remove one of them.")
         key = lists[0].path
         dist = numbers.coefficients(lists[0].value, where, key)
+        nothing = [each for each in fields if each.role == "model" and plain(str(each.value)) == "none"]
+        if nothing and any(dist):
+            raise CalibrationError(
+                f"{where}: {key}, {nothing[0].path}: contradict each other (coefficients, none); name the model, or "
+                "remove the coefficients."
+            )
         notes: tuple[str, ...] = ()
         if model is None and len(dist) == 4 and any(dist):
             notes = (

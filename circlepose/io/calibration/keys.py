@@ -59,6 +59,9 @@ _ROLES: Mapping[str, re.Pattern[str]] = {
 }
 _ANY_ROLE = re.compile("|".join(f"(?:{pattern.pattern})" for pattern in _ROLES.values()))
 _LONGEST = 60
+_OF_ONE_CAMERA = ("matrix", "fx", "fy", "cx", "cy", "distortion", "size", "shape", "width", "height")
+"""roles whose keys may say which camera they are of"""
+_UNNAMED = re.compile("parameters?|params?|values?|vector|coeff?(?:icient)?s?|matrix|array|list|data")
 _NUMBERS = ("fx", "fy", "cx", "cy", "skew", "alpha", "coefficient", "width", "height", "focal_sigma", "center_sigma")
 _LOOSE_MODELS = re.compile(r"(?:camera|cam|lens)?type|lens|projection|distortion")
 """keys whose text is a lens model only if it is one that we know"""
@@ -101,8 +104,12 @@ class Field:
         return plain(self.path.rpartition(".")[2])
 
 
-def field_of(key: str, value: object, path: str) -> Field:
-    """Return what a key and its value are."""
+def field_of(key: str, value: object, path: str, group: str = "") -> Field:
+    """Return what a key and its value are; `parameters` and the like are what the `group` is that they stand in."""
+    if group and _UNNAMED.fullmatch(plain(key)):
+        field = field_of(group, value, path)
+        if field.role:
+            return field
     for role, stem, end in _meanings(plain(key)):
         if _fits(role, stem, value):
             return Field(path, role, end, value)
@@ -117,7 +124,7 @@ def _meanings(name: str) -> tuple[tuple[str, str, str], ...]:
         for stem, end in _splits(name)
         if len(stem) <= _LONGEST and _ANY_ROLE.fullmatch(stem)
         for role, pattern in _ROLES.items()
-        if pattern.fullmatch(stem)
+        if pattern.fullmatch(stem) and (not end or role in _OF_ONE_CAMERA)
     )
 
 
@@ -128,7 +135,9 @@ def is_group(value: object) -> bool:
 
 def is_matrix(value: object) -> bool:
     """Whether a value is a list, or a matrix of rows, cols and data."""
-    return isinstance(value, MatrixNode | list) or (isinstance(value, Mapping) and "data" in value)
+    return isinstance(value, MatrixNode | list) or (
+        isinstance(value, Mapping) and "data" in value and not isinstance(value["data"], Mapping)
+    )
 
 
 def is_aside(key: str) -> bool:
@@ -136,12 +145,15 @@ def is_aside(key: str) -> bool:
     return _ASIDE.fullmatch(plain(key)) is not None
 
 
-def looks_like_distortion(key: str, value: object) -> bool:
-    """Whether a key that is not understood may be a term of the lens; P1 may, if it is one number and no matrix."""
-    name = plain(key)
-    if _is_number(value) and _NUMBERED.fullmatch(name):
+def looks_like_distortion(field: Field) -> bool:
+    """Whether a key that is not understood, or the group that it stands in, may be of the lens.
+
+    P1 may, if it is one number and no matrix.
+    """
+    if _is_number(field.value) and _NUMBERED.fullmatch(field.name):
         return True
-    return _DISTORTS.fullmatch(name) is not None and _NO_LENS.fullmatch(name) is None
+    names = [plain(part) for part in field.path.split(".")]
+    return any(map(_DISTORTS.fullmatch, names)) and not any(map(_NO_LENS.fullmatch, names))
 
 
 def near_name(key: str, cutoff: float = 0.85) -> str | None:
@@ -182,8 +194,10 @@ def _fits(role: str, stem: str, value: object) -> bool:
         return _is_pair(value) or _is_number(value)
     if role == "model":
         return isinstance(value, str) and (not _LOOSE_MODELS.fullmatch(stem) or _is_model(value))
-    if role in ("fisheye", "error"):
+    if role == "fisheye":
         return isinstance(value, int | float)
+    if role == "error":
+        return _is_number(value)
     if role in _NUMBERS:
         return not isinstance(value, Mapping | list)
     return True

@@ -55,6 +55,12 @@ def refused(content: Any, camera_name: str | None = None) -> str:
         {"Camera.fx": FX, "Camera.fy": FY, "Camera.cx": CX, "Camera.cy": CY, "Camera.dist": D,
          "Camera.width": 1280, "Camera.height": 960},
         [{"K": K, "D": D, "image_size": SIZE}],
+        {"cameras": [{"camera": {
+            "type": "pinhole", "image_width": 1280, "image_height": 960,
+            "intrinsics": {"rows": 4, "cols": 1, "data": [FX, FY, CX, CY]},
+            "distortion": {"type": "radial-tangential", "parameters": {"rows": 5, "cols": 1, "data": D}},
+        }}]},
+        {"intrinsics": {"matrix": K}, "distortion": {"values": D}, "image_size": SIZE},
         {"camera_matrix": {"rows": 3, "cols": 3, "data": ROWS}, "dist": D, "image_size": SIZE},
     ],
 )  # fmt: skip
@@ -67,8 +73,10 @@ def test_the_same_camera_under_the_names_that_people_give(entries: Any) -> None:
 
 
 def test_own_names_beside_harmless_ones_are_read_and_the_rest_is_named() -> None:
-    file = read({"camera_matrix": K, "dist_coeffs": D, "image_size": SIZE, "rms": 0.3, "date": "2024-05-01", "id": 3})
-    assert file.notes == ("not used: date, id",)
+    file = read(
+        {"camera_matrix": K, "dist_coeffs": D, "image_size": SIZE, "rms": 0.3, "date": "2024-05-01", "board": 3}
+    )
+    assert file.notes == ("not used: date, board",)
     assert [doubt.about for doubt in read({"K": K, "D": D, "image_size": SIZE, "rms": 9.5}).doubts] == ["rms"]
     check_pixels(file, TERMS)
 
@@ -81,6 +89,12 @@ def test_other_models_by_their_terms() -> None:
     check_pixels(read({**FLAT, "D": list(fisheye.values()), "is_fisheye": True}), fisheye, fisheye=True)
     named = read({**FLAT, "camera_model": "pinhole", "distortion_model": "fisheye", "D": list(fisheye.values())})
     check_pixels(named, fisheye, fisheye=True)
+
+
+def test_the_type_of_the_distortion_is_finer_than_that_of_the_camera() -> None:
+    fisheye = {"k1": -0.02, "k2": 0.004, "k3": -0.001, "k4": 0.0002}
+    bent = {"type": "equidistant", "parameters": list(fisheye.values())}
+    check_pixels(read({"type": "pinhole", "intrinsics": FLAT, "distortion": bent}), fisheye, fisheye=True)
 
 
 def test_skew_moves_along_x_and_is_remarked_on() -> None:
@@ -141,6 +155,8 @@ def test_of_several_cameras_the_first_is_taken_or_the_named_one(entries: Any) ->
     ("entries", "says"),
     [
         ({**FLAT, "k1": 0.1, "k7": 0.2}, "k7: is no known key and looks like distortion (0.2)"),
+        ({**FLAT, "distortion": {"a": 0.1, "b": 0.2}}, "distortion.a: is no known key and looks like distortion"),
+        ({**FLAT, "distortion_model": "none", "D": D}, "D, distortion_model: contradict each other"),
         ({**FLAT, "xi": 1.2}, "xi: is no known key and looks like distortion"),
         ({**FLAT, "dist_cofs": D}, "did you mean dist_coeffs?"),
         ({**FLAT, "lens_distortion_terms": D}, "lens_distortion_terms: is no known key and looks like distortion"),
