@@ -45,7 +45,7 @@ class CameraFile:
 
     camera: Camera
     form: str
-    """OpenCV FileStorage, ROS camera_info, Kalibr camchain or circlepose"""
+    """its name, as `circlepose camera` shows it: OpenCV FileStorage, ROS camera_info, keys and values ..."""
     path: Path
     target: Mapping[str, object] | None = None
     """the file's `target:` as it stands, for `target_file.target_from_mapping`"""
@@ -89,7 +89,7 @@ def read_camera_file(source: Source, camera_name: str | None = None) -> CameraFi
     Parameters
     ----------
     source
-        OpenCV FileStorage (YAML 1.0 or 1.2, XML, JSON), ROS camera_info, Kalibr camchain or our own YAML.
+        OpenCV FileStorage (YAML 1.0 or 1.2, XML, JSON), ROS, Kalibr, keys and values of any spelling, and others.
     camera_name
         Which camera to take from a file of several (`cam1`, `M2`); by default the first.
 
