@@ -39,6 +39,10 @@ def _read(document: Document, camera_name: str | None) -> Reading:
     where = document.name
     sections = _sections(document.text or "", where)
     names = [name for name, entries in sections.items() if "camera matrix" in entries]
+    if not names:
+        raise CalibrationError(
+            f"{where}: camera matrix: stands in no section; give it one, such as [left], above it."
+        )
     name, notes = choose(names, camera_name, where)
     entries = sections[name]
     matrix = _values(entries, "camera matrix", where, (9,))
@@ -51,14 +55,14 @@ def _read(document: Document, camera_name: str | None) -> Reading:
     grid, turned = numbers.turned_matrix(matrix, where, "camera matrix")
     size = None
     if _IMAGE in sections:
-        width, height = (_values(sections[_IMAGE], key, where, (1,))[0] for key in ("width", "height"))
+        width, height = (_once(sections[_IMAGE], key, where) for key in ("width", "height"))
         size = numbers.image_size(width, height, where, "width, height")
     camera = numbers.build_camera(where, ("camera matrix", grid), ("distortion", dist), size, "pinhole")
     return Reading(camera, notes + turned)
 
 
 def _sections(text: str, where: str) -> _Sections:
-    """Return the numbers by section and title; a section of a name that was there before is left out."""
+    """Return the numbers by section and title; the size of the image may be stated once for each camera."""
     sections: _Sections = {}
     section: dict[str, _Entry] = {}
     entry: _Entry | None = None
@@ -67,13 +71,15 @@ def _sections(text: str, where: str) -> _Sections:
             continue
         header = _SECTION.fullmatch(line)
         if header:
-            section = {}
-            sections.setdefault(header[1].strip(), section)
+            name = header[1].strip()
+            if name in sections and name != _IMAGE:
+                raise CalibrationError(f"{where}, line {number}: [{name}] is there twice; give each camera its name.")
+            section = sections.setdefault(name, {})
             entry = None
         elif _TITLE.fullmatch(line):
-            if line in section:
+            if line in section and section is not sections.get(_IMAGE):
                 raise CalibrationError(f"{where}, line {number}: {brief(line)}: is given twice; remove one of them.")
-            entry = section[line] = _Entry(number)
+            entry = section.setdefault(line, _Entry(number))
         elif entry is not None:
             entry.values += _numbers(line, where, number)
     return sections
@@ -94,10 +100,19 @@ def _values(entries: dict[str, _Entry], title: str, where: str, counts: tuple[in
     entry = entries[title]
     if len(entry.values) not in counts:
         expected = " or ".join(map(str, counts))
+        unit = "number" if counts == (1,) else "numbers"
         raise CalibrationError(
-            f"{where}, line {entry.line}: {title}: expected {expected} numbers, got {len(entry.values)}; correct it."
+            f"{where}, line {entry.line}: {title}: expected {expected} {unit}, got {len(entry.values)}; correct it."
         )
     return entry.values
+
+
+def _once(entries: dict[str, _Entry], title: str, where: str) -> float:
+    """Return the one number under a title, though it may stand there for each of several cameras."""
+    values = entries[title].values if title in entries else []
+    if len(values) > 1 and len({*values}) == 1:
+        return values[0]
+    return _values(entries, title, where, (1,))[0]
 
 
 FORM = Form("ROS .ini", _recognizes, _read)

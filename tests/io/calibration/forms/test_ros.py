@@ -155,6 +155,9 @@ def test_two_cameras_in_one_ini() -> None:
         (ini().replace(f"{FX} 0.0 {CX}\n", f"{FX} 0.0\n", 1), "camera matrix: expected 9 numbers, got 8"),
         (ini().replace("-0.215 ", "-0.21x5 "), "line 20: expected numbers, got"),
         (ini().replace("height\n960\n", ""), "height: is missing"),
+        (ini().split("960")[1].replace("[narrow_stereo/left]", "[]"), "stands in no section"),
+        (ini() + ini(), "[narrow_stereo/left] is there twice"),
+        (ini() + ini("right").replace("1280", "640"), "width: expected 1 number, got 2"),
         (ini().replace("distortion\n", "lens\n"), "distortion: is missing"),
     ],
 )
