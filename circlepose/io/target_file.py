@@ -87,7 +87,7 @@ def read_target(source: Source) -> Target:
         One sentence: the file, the key and what is expected.
     """
     text, name = read_source(source, TargetError)
-    return target_from_mapping(parse_yaml(text, name, TargetError), name)
+    return target_from_mapping(parse_yaml(text, name, TargetError, "radius_mm: 60"), name)
 
 
 def target_from_mapping(mapping: Mapping[str, object], where: str) -> Target:

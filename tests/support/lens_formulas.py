@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from circlepose.camera.camera import Camera
+from circlepose.io.calibration.reader import CameraFile
 
 POINTS = ((0.11, -0.07, 1.0), (-0.32, 0.21, 1.3), (0.05, 0.4, 0.9))
 """three points in front of a camera: x to the right, y down, z forward"""
@@ -40,3 +41,20 @@ def kannala_brandt(point: Sequence[float], focal: Pixel, center: Pixel, coeffici
 def check_pixels(camera: Camera, expected: Sequence[Pixel]) -> None:
     """Assert that `camera` projects `POINTS` to the `expected` pixels."""
     np.testing.assert_allclose(camera.project(np.array(POINTS)), expected, rtol=0, atol=1e-9)
+
+
+FX, FY, CX, CY = 1180.5, 1176.25, 655.75, 470.5
+SIZE = (1280, 960)
+
+
+def check_terms(file: CameraFile, terms: Mapping[str, float], skew: float = 0.0, *, fisheye: bool = False) -> None:
+    """Assert that a file's camera, of FX, FY, CX, CY and the `terms` by name, sees `POINTS` where the formulas do."""
+    radial = [terms.get(f"k{i}", 0.0) for i in range(1, 5 if fisheye else 7)]
+    expected = []
+    for point in POINTS:
+        if fisheye:
+            u, v = kannala_brandt(point, (FX, FY), (CX, CY), radial)
+        else:
+            u, v = brown(point, (FX, FY), (CX, CY), radial, (terms.get("p1", 0.0), terms.get("p2", 0.0)))
+        expected.append((u + skew * (v - CY) / FY, v))
+    check_pixels(file.camera, expected)

@@ -191,7 +191,32 @@ def _cameras() -> dict[str, bytes]:
     found["calibration, written"] = storage_text(
         {"camera_matrix": np.reshape(matrix, (3, 3)), "distortion_coefficients": np.zeros((1, 5)), "fisheye_model": 0}
     ).encode()
-    return found
+    return {**found, **_other_texts(matrix)}
+
+
+def _other_texts(matrix: list[float]) -> dict[str, bytes]:
+    """Return calibrations in forms without a template."""
+    dist = [-0.2, 0.1, 0.0, 0.0, 0.0]
+    rows = "\n".join(" ".join(map(repr, matrix[3 * row : 3 * row + 3])) for row in range(3))
+    ini = f"[image]\n\nwidth\n640\n\nheight\n480\n\n[left]\n\ncamera matrix\n{rows}\n\ndistortion\n-0.2 0.1 0 0 0\n"
+    message = f"height: 480\nwidth: 640\ndistortion_model: plumb_bob\nd: {dist}\nk: {matrix}\nbinning_x: 0\n---\n"
+    inner = {"fx": 600.0, "fy": 600.0, "cx": 319.5, "cy": 239.5}
+    left = {
+        "intrinsics": inner,
+        "distortion": {"k1": -0.2, "k2": 0.1, "model": "radtan"},
+        "image_shape": [480, 640, 3],
+    }
+    keys = {
+        "left": left,
+        "right": {"K": matrix, "distCoef": dist, "resolution": "640x480"},
+        "rms": 0.2,
+        "date": "today",
+    }
+    return {
+        "calibration, ros ini": ini.encode(),
+        "calibration, ros messages": (message * 2).encode(),
+        "calibration, keys and values": json.dumps(keys, indent=1).encode(),
+    }
 
 
 def _xml_matrix(name: str, rows: int, cols: int, numbers: list[float]) -> list[str]:

@@ -13,13 +13,21 @@ from xml.etree import ElementTree
 from circlepose._arguments import shown
 from circlepose._typing import FloatArray
 from circlepose.errors import CalibrationError
+from circlepose.io.calibration.cameras import listed
 from circlepose.io.marks import COMMENT
-from circlepose.io.text.yaml import MatrixNode, parse_yaml
+from circlepose.io.text.yaml import MatrixNode, load_yaml, no_keys
 
+_DEPTH = 6
 _MATRIX_TYPES = ("opencv-matrix", "opencv-nd-matrix")
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?\.(?i:inf)|\.(?i:nan)")
 # Strings are matched first, so that nothing inside one is touched; one without an end, so that none is sought again.
-_JSON_QUIRK = re.compile(r'("(?:\\(?s:.)|[^"\\])*(?:"|\\?\Z))|//[^\n]*|(-?)\.(Nan|Inf)\b|(\d\.)(?=[^\d])')
+# cv2 reads `image_width:1280`, which YAML takes for a word; keys at the beginning of a line, before a value.
+_NO_BLANK = re.compile(r"^([ \t]*[A-Za-z_][\w.-]*):(?=[-+.\d\"\[{!])", re.MULTILINE)
+_EXAMPLE = "fx: 1200"
+_JSON = re.compile(r"\s*(?:\{\s*[\"}]|\[\s*[\[{\"\d-])")
+_JSON_QUIRK = re.compile(
+    r'("(?:\\(?s:.)|[^"\\])*(?:"|\\?\Z))|//[^\n]*|(-?)\.(Nan|Inf)\b|(\d\.)(?=[^\d])|(,)(?=\s*[}\]])'
+)
 
 
 def parse_storage(text: str, name: str) -> tuple[dict[str, object], bool]:
@@ -27,12 +35,33 @@ def parse_storage(text: str, name: str) -> tuple[dict[str, object], bool]:
 
     Matrices come out as `MatrixNode`. Raises `CalibrationError` naming the file, where it can with the line.
     """
-    start = text.lstrip()
-    if start.startswith("<"):
+    if text.lstrip().startswith("<"):
         return _parse_xml(text, name), True
-    is_json = start.startswith("{")
-    entries = _parse_json(text, name) if is_json else parse_yaml(text, name, CalibrationError)
-    return entries, any(isinstance(value, MatrixNode) for value in entries.values())
+    if _JSON.match(text):
+        entries = _entries(_parse_json(text, name), name)
+    else:
+        is_opencv = text.lstrip().startswith("%YAML:1.0") or "!!opencv-" in text
+        plain = _NO_BLANK.sub(r"\1: ", text) if is_opencv else text
+        entries = _entries(load_yaml(plain, name, CalibrationError), name)
+    return entries, _has_matrix(entries, 0)
+
+
+def _has_matrix(value: object, depth: int) -> bool:
+    """Whether a matrix of OpenCV's stands in a group of keys."""
+    if isinstance(value, MatrixNode):
+        return True
+    return (
+        isinstance(value, dict) and depth <= _DEPTH and any(_has_matrix(each, depth + 1) for each in value.values())
+    )
+
+
+def _entries(document: object, name: str) -> dict[str, object]:
+    """Return the keys and values of a document; of a list of groups by their names, or numbers."""
+    if isinstance(document, list) and document and all(isinstance(each, dict) for each in document):
+        document = document[0] if len(document) == 1 else listed(document)
+    if not isinstance(document, dict):
+        raise CalibrationError(f"{name}: {no_keys(document, _EXAMPLE)}.")
+    return {str(key): value for key, value in document.items()}
 
 
 def storage_text(entries: Mapping[str, int | str | FloatArray]) -> str:
@@ -54,22 +83,22 @@ def storage_text(entries: Mapping[str, int | str | FloatArray]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _parse_json(text: str, name: str) -> dict[str, object]:
+def _parse_json(text: str, name: str) -> object:
     try:
-        document = json.loads(_JSON_QUIRK.sub(_plain_json, text), object_pairs_hook=_json_object)
+        return json.loads(_JSON_QUIRK.sub(_plain_json, text), object_pairs_hook=_json_object)
     except RecursionError:
         raise CalibrationError(f"{name}: is nested too deeply.") from None
-    except json.JSONDecodeError:
-        # One line of YAML may begin with a brace, too; what is neither is reported as YAML, with its line.
-        return parse_yaml(text, name, CalibrationError)
+    except json.JSONDecodeError as reason:
+        raise CalibrationError(
+            f"{name}, line {reason.lineno}: is not valid JSON ({reason.msg}); correct this line."
+        ) from None
     except ValueError as reason:
         raise CalibrationError(f"{name}: {reason}.") from None
-    return {str(key): value for key, value in document.items()}
 
 
 def _plain_json(match: re.Match[str]) -> str:
-    """Return JSON that Python reads for what OpenCV writes: comments, .Nan, .Inf and numbers like `1.`."""
-    string, sign, word, number = match.groups()
+    """Return JSON that Python reads for what OpenCV writes: comments, .Nan, .Inf, `1.`; and for a last comma."""
+    string, sign, word, number, _ = match.groups()
     if string is not None:
         return string
     if word is not None:

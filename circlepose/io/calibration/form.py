@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 
 from circlepose.camera.camera import Camera
 from circlepose.errors import CalibrationError
@@ -18,6 +18,10 @@ class Reading:
     camera: Camera
     notes: tuple[str, ...] = ()
     """remarks for a person: what was chosen, what was converted and by how much, what was not used"""
+    keys: Mapping[str, str] = field(default_factory=dict)
+    """how the file calls `camera_matrix` and `dist_coeffs`, for messages on their numbers"""
+    errors_px: Mapping[str, float] = field(default_factory=dict)
+    """the reprojection errors that the file states for this camera, by their keys"""
 
 
 @dataclass(frozen=True, slots=True)

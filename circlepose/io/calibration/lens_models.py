@@ -69,8 +69,8 @@ def lens_model(word: object, where: str, key: str) -> LensModel:
                 f"{where}: {key}: {shown(word)} is {meant}, which circlepose does not have; {way_out}."
             )
     raise CalibrationError(
-        f"{where}: {key}: expected a pinhole model (such as plumb_bob, radtan, rational_polynomial) or a fisheye model "
-        f"(such as equidistant, fisheye), got {shown(word)}; correct it."
+        f"{where}: {key}: expected a pinhole model (such as plumb_bob, radtan, rational_polynomial) or a fisheye "
+        f"model (such as equidistant, fisheye), got {shown(word)}; correct it."
     )
 
 

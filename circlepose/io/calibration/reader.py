@@ -19,8 +19,11 @@ from circlepose.camera.camera import EXACT, Camera
 from circlepose.camera.plausibility import Doubt, doubts, reprojection_doubts
 from circlepose.errors import CalibrationError
 from circlepose.io.atomic import atomic_writer
+from circlepose.io.calibration import numbers
 from circlepose.io.calibration.document import read_document
 from circlepose.io.calibration.file_storage import storage_text
+from circlepose.io.calibration.form import Reading
+from circlepose.io.calibration.lens_models import plain
 from circlepose.io.calibration.registry import form_of
 from circlepose.io.text.source import Source
 
@@ -42,7 +45,7 @@ class CameraFile:
 
     camera: Camera
     form: str
-    """OpenCV FileStorage, ROS camera_info, Kalibr camchain or circlepose"""
+    """its name, as `circlepose camera` shows it: OpenCV FileStorage, ROS camera_info, keys and values ..."""
     path: Path
     target: Mapping[str, object] | None = None
     """the file's `target:` as it stands, for `target_file.target_from_mapping`"""
@@ -86,7 +89,7 @@ def read_camera_file(source: Source, camera_name: str | None = None) -> CameraFi
     Parameters
     ----------
     source
-        OpenCV FileStorage (YAML 1.0 or 1.2, XML, JSON), ROS camera_info, Kalibr camchain or our own YAML.
+        OpenCV FileStorage (YAML 1.0 or 1.2, XML, JSON), ROS, Kalibr, keys and values of any spelling, and others.
     camera_name
         Which camera to take from a file of several (`cam1`, `M2`); by default the first.
 
@@ -106,7 +109,7 @@ def read_camera_file(source: Source, camera_name: str | None = None) -> CameraFi
     if target is not None and not isinstance(target, Mapping):
         raise CalibrationError(f"{name}: target: expected a mapping such as {{radius_mm: 60}}, got {shown(target)}.")
     reading = form.read(document, camera_name)
-    found = sorted(_doubts(reading.camera, entries, camera_name), key=lambda doubt: not doubt.is_grave)
+    found = sorted(_doubts(reading, entries, camera_name, name), key=lambda doubt: not doubt.is_grave)
     return CameraFile(reading.camera, form.name, Path(name), target, reading.notes, tuple(found))
 
 
@@ -145,13 +148,19 @@ def write_camera(camera: Camera, path: str | os.PathLike[str], *, overwrite: boo
         handle.write(text)
 
 
-def _doubts(camera: Camera, entries: _Entries, camera_name: str | None) -> Iterator[Doubt]:
+def _doubts(reading: Reading, entries: _Entries, camera_name: str | None, where: str) -> Iterator[Doubt]:
     """Yield what looks wrong, under the keys that the file has for it."""
-    for key, value in entries.items():
-        if isinstance(value, int | float) and _REPROJECTION_ERROR.fullmatch(_plain(key)):
-            yield from (replace(doubt, about=key) for doubt in reprojection_doubts(float(value), camera))
-    for doubt in doubts(camera):
-        yield replace(doubt, about=_own_key(entries, doubt.about, camera_name))
+    errors_px = {
+        key: numbers.number(value, where, key)
+        for key, value in entries.items()
+        if isinstance(value, int | float)
+        and not isinstance(value, bool)
+        and _REPROJECTION_ERROR.fullmatch(plain(key))
+    }
+    for key, error_px in {**errors_px, **reading.errors_px}.items():
+        yield from (replace(doubt, about=key) for doubt in reprojection_doubts(error_px, reading.camera))
+    for doubt in doubts(reading.camera):
+        yield replace(doubt, about=reading.keys.get(doubt.about) or _own_key(entries, doubt.about, camera_name))
 
 
 def _own_key(entries: _Entries, about: str, camera_name: str | None) -> str:
@@ -160,11 +169,7 @@ def _own_key(entries: _Entries, about: str, camera_name: str | None) -> str:
     if pattern is None:
         return about
     inner = [(group, key) for group, value in entries.items() if isinstance(value, Mapping) for key in value]
-    keys = [key for key in entries if pattern.fullmatch(_plain(key))]
-    keys += [f"{group}.{key}" for group, key in inner if pattern.fullmatch(_plain(str(key)))]
+    keys = [key for key in entries if pattern.fullmatch(plain(key))]
+    keys += [f"{group}.{key}" for group, key in inner if pattern.fullmatch(plain(str(key)))]
     asked = [key for key in keys if camera_name is not None and camera_name.lower() in key.lower()]
     return next(iter((*asked, *keys)), about)
-
-
-def _plain(key: str) -> str:
-    return re.sub(r"[\W_]", "", key).lower()

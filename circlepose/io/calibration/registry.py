@@ -22,8 +22,10 @@ from circlepose.io.calibration.forms import (
     opencv,
     orb_slam,
     photonvision,
+    plain,
     realsense,
     ros,
+    ros_ini,
     stella_vslam,
     zivid,
 )
@@ -45,19 +47,22 @@ FORMS: tuple[Form, ...] = (
     zivid.FORM,
     calib_io.FORM,
     limelight.FORM,
+    ros_ini.FORM,
     native.FORM,
     opencv.FORM,
+    plain.FORM,
 )
 """generic ones in the order in which they are asked"""
 
 
 def form_of(document: Document) -> Form:
     """Return the form of a document; raises `CalibrationError` where it is none that is known, or two at once."""
-    found = [form for form in FORMS if form.recognizes(document)]
-    specific = [form for form in found if not form.is_generic]
+    specific = [form for form in FORMS if not form.is_generic and form.recognizes(document)]
     if len(specific) > 1:
         names = " and ".join(form.name for form in specific)
         raise CalibrationError(f"{document.name}: looks like two forms at once, {names}; keep the keys of one.")
-    if found:
-        return (specific or found)[0]
-    raise unknown_form(document)
+    generic = (form for form in FORMS if form.is_generic and form.recognizes(document))
+    form = specific[0] if specific else next(generic, None)
+    if form is None:
+        raise unknown_form(document)
+    return form

@@ -85,7 +85,7 @@ def read_scenes(path: str | os.PathLike[str]) -> SceneFile:
         One sentence: the file, the key and what is expected; by the part of the file.
     """
     text, name = read_source(path, SceneError)
-    entries = parse_yaml(text, name, SceneError)
+    entries = parse_yaml(text, name, SceneError, "camera: camera.yaml")
     form = parse(_File, entries, name, SceneError)
     camera = _camera(form.camera, name)
     scenes: list[Scene] = []

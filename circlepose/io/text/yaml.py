@@ -154,6 +154,8 @@ _Constructor.yaml_constructors = {
     _CORE + "map": _Constructor.construct_yaml_map,
     None: _Constructor.construct_undefined,
 }
+# PyYAML writes Python's tuples so, of an image size for example; to read one runs nothing.
+_Constructor.yaml_constructors[_CORE + "python/tuple"] = _Constructor.construct_yaml_seq
 _Constructor.yaml_multi_constructors = {}
 _Constructor.add_multi_constructor(_CORE + "opencv-", _Constructor.construct_matrix)
 
@@ -180,16 +182,34 @@ class _Loader(_Composer, _PARSER, _Constructor, _Resolver):  # type: ignore[misc
         _Resolver.__init__(self)
 
 
-def parse_yaml(text: str, name: str, error: type[CircleposeError]) -> dict[str, object]:
-    """Return the one mapping that `text` holds; `name` is the file's, for messages.
+def parse_yaml(text: str, name: str, error: type[CircleposeError], example: str = "") -> dict[str, object]:
+    """Return the one mapping that `text` holds; `name` is the file's, `example` a line of such a file, for messages.
+
+    Raises `error` with the line where the text is no such mapping.
+    """
+    document = load_yaml(text, name, error)
+    if not isinstance(document, dict):
+        raise error(f"{name}: {no_keys(document, example)}.")
+    return {str(key): value for key, value in document.items()}
+
+
+def no_keys(document: object, example: str = "") -> str:
+    """Return the sentence on a document that is no mapping, without its period."""
+    such = f", such as `{example}`" if example else ""
+    found = "a list" if isinstance(document, list) else "none"
+    return f"expected keys and values{such}; found {found}"
+
+
+def load_yaml(text: str, name: str, error: type[CircleposeError]) -> object:
+    """Return the one document that `text` holds, None if it is empty; `name` is the file's, for messages.
 
     Takes `%YAML:1.0` (OpenCV to 4.x), which is no YAML, for the header that it is meant to be, and a closing
-    `---` (a recorded ROS message) for nothing. Raises `error` with the line where the text is no such mapping.
+    `---` (a recorded ROS message) for nothing. Raises `error` with the line where the text is no YAML.
     """
     if len(text) > MAX_CHARACTERS:
         raise error(f"{name}: has more than {MAX_CHARACTERS} characters; expected a small text file.")
     # The header is blanked, not cut out, so that the lines keep their numbers.
-    body = re.sub(r"\A%YAML[^\n]*", "", text)
+    body = re.sub(r"\A(\s*)%YAML[^\n]*", r"\1", text)
     try:
         documents = [each for each in yaml.load_all(body, _Loader) if each is not None]
     except yaml.MarkedYAMLError as reason:
@@ -203,7 +223,4 @@ def parse_yaml(text: str, name: str, error: type[CircleposeError]) -> dict[str, 
         raise error(f"{name}: is not valid YAML ({brief(first_line)}).") from None
     if len(documents) > 1:
         raise error(f"{name}: holds {len(documents)} YAML documents (parted by ---); expected one.")
-    document = documents[0] if documents else None
-    if not isinstance(document, dict):
-        raise error(f"{name}: expected keys and values, such as `radius_mm: 60`; found none.")
-    return {str(key): value for key, value in document.items()}
+    return documents[0] if documents else None

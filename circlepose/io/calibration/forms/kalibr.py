@@ -5,18 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from circlepose._arguments import shown
-from circlepose.camera.camera import Camera, LensModel
+from circlepose.camera.camera import LensModel
 from circlepose.errors import CalibrationError
 from circlepose.io.calibration import numbers
 from circlepose.io.calibration.document import Document
 from circlepose.io.calibration.form import Form, Reading, choose
+from circlepose.io.calibration.lens_models import lens_model, pinhole_coefficients, plain
 
-_DISTORTIONS: Mapping[str, tuple[LensModel, int]] = {
-    "radtan": ("pinhole", 4),
-    "radial-tangential": ("pinhole", 4),
-    "equidistant": ("fisheye", 4),
-    "none": ("pinhole", 0),
-}
+_DIST_KEYS = ("distortion_coeffs", "distortion_coefficients", "distortion_coeff")
 
 
 def _recognizes(document: Document) -> bool:
@@ -28,7 +24,8 @@ def _read(document: Document, camera_name: str | None) -> Reading:
     """Return one camera of a camchain (`camera_name`, or the first)."""
     cameras = _cameras(document.entries)
     name, notes = choose(sorted(cameras), camera_name, document.name)
-    return Reading(_camera(cameras[name], f"{document.name}: {name}" if name else document.name), notes)
+    reading = _camera(cameras[name], f"{document.name}: {name}" if name else document.name)
+    return Reading(reading.camera, notes + reading.notes)
 
 
 def _cameras(entries: Mapping[str, object]) -> dict[str, Mapping[str, object]]:
@@ -38,35 +35,56 @@ def _cameras(entries: Mapping[str, object]) -> dict[str, Mapping[str, object]]:
 
 
 def _is_camera(entries: Mapping[str, object]) -> bool:
-    return "intrinsics" in entries and ("camera_model" in entries or "distortion_model" in entries)
+    intrinsics = entries.get("intrinsics")
+    if not isinstance(intrinsics, list) or any(isinstance(each, list) for each in intrinsics):
+        return False
+    return len(intrinsics) != 9 and any(
+        isinstance(entries.get(key), str) for key in ("camera_model", "distortion_model")
+    )
 
 
-def _camera(entries: Mapping[str, object], where: str) -> Camera:
-    camera_model = entries.get("camera_model")
-    if camera_model != "pinhole":
-        raise CalibrationError(
-            f"{where}: camera_model: is {shown(camera_model)}; only pinhole (with radtan or equidistant distortion) "
-            "is supported, so calibrate again with pinhole-radtan or pinhole-equi."
-        )
-    distortion = entries.get("distortion_model", "none")
-    if not isinstance(distortion, str) or distortion not in _DISTORTIONS:
-        raise CalibrationError(
-            f"{where}: distortion_model: expected radtan, equidistant or none, got {shown(distortion)}."
-        )
-    model, count = _DISTORTIONS[distortion]
-    key = "distortion_coefficients" if "distortion_coefficients" in entries else "distortion_coeffs"
+def _camera(entries: Mapping[str, object], where: str) -> Reading:
+    model = _model(entries, where)
+    key = next((key for key in _DIST_KEYS if key in entries), _DIST_KEYS[0])
     dist = numbers.number_list(entries.get(key, []), where, key)
-    if distortion == "none" and not any(dist):
+    distortion = entries.get("distortion_model", "none")
+    if distortion == "none":
+        if any(dist):
+            raise CalibrationError(
+                f"{where}: {key}: {shown(dist)} stand beside the distortion model none; name the model (radtan or "
+                "equidistant), or remove them."
+            )
         dist = []
-    if len(dist) != count:
-        raise CalibrationError(f"{where}: {key}: {distortion} has {count} coefficients, got {len(dist)}.")
+    elif model == "fisheye":
+        if len(dist) != 4:
+            raise CalibrationError(f"{where}: {key}: {distortion} has 4 coefficients, got {len(dist)}; correct it.")
+    elif len(dist) < 4:
+        raise CalibrationError(
+            f"{where}: {key}: {distortion} has 4 coefficients, got {len(dist)}; give k1, k2, p1, p2."
+        )
+    else:
+        dist = pinhole_coefficients(dist, where, key)
     fx, fy, cx, cy = numbers.number_list(entries["intrinsics"], where, "intrinsics", 4)
     matrix = [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]
     size = None
     if "resolution" in entries:
         width, height = numbers.number_list(entries["resolution"], where, "resolution", 2)
         size = numbers.image_size(width, height, where, "resolution")
-    return numbers.build_camera(where, ("intrinsics", matrix), (key, dist), size, model)
+    return Reading(numbers.build_camera(where, ("intrinsics", matrix), (key, dist), size, model))
+
+
+def _model(entries: Mapping[str, object], where: str) -> LensModel:
+    """Return the lens model of both keys: how rays reach the lens, and how it distorts them."""
+    camera_model = lens_model(entries.get("camera_model", "pinhole"), where, "camera_model")
+    if plain(str(entries.get("distortion_model", "none"))) == "none":
+        return camera_model
+    distortion = lens_model(entries["distortion_model"], where, "distortion_model")
+    if camera_model == "fisheye" and distortion == "pinhole":
+        raise CalibrationError(
+            f"{where}: camera_model, distortion_model: contradict each other ({entries['camera_model']}, "
+            f"{entries['distortion_model']}); keep the one that was calibrated."
+        )
+    return distortion
 
 
 FORM = Form("Kalibr camchain", _recognizes, _read)

@@ -10,6 +10,7 @@ from pydantic import Field
 from circlepose.camera.camera import LENS_MODELS, Camera, LensModel
 from circlepose.errors import CalibrationError
 from circlepose.io.calibration import numbers
+from circlepose.io.calibration.assembly import FROM_ONE
 from circlepose.io.calibration.document import Document
 from circlepose.io.calibration.form import Form, Reading, refuse_name
 from circlepose.io.text.validation import Strict, parse
@@ -36,21 +37,45 @@ class _CameraForm(Strict):
 
 
 KEYS = tuple(_CameraForm.model_fields)
-_SHARED_KEYS = ("camera_matrix", "target")
 
 
 def _recognizes(document: Document) -> bool:
-    """Whether the entries have a key that is ours alone, or none that is not ours."""
+    """Whether all keys are ours, and no value has a shape that only other tools give it.
+
+    What has other keys, too, or is shaped otherwise, is read as keys and values.
+    """
     entries = document.entries
-    if not entries or document.is_file_storage:
+    if not entries or document.is_file_storage or not set(entries) <= set(KEYS):
         return False
-    return any(key in entries for key in KEYS if key not in _SHARED_KEYS) or set(entries) <= set(KEYS)
+    matrix = entries.get("camera_matrix", [[]])
+    shaped = [isinstance(matrix, list) and all(isinstance(row, list) for row in matrix)]
+    for key in ("dist_coeffs", "image_size"):
+        value = entries.get(key)
+        shaped.append(not isinstance(value, Mapping | str) and not _is_nested(value))
+    return all(shaped)
+
+
+def _is_nested(value: object) -> bool:
+    return isinstance(value, list) and any(isinstance(each, list) for each in value)
 
 
 def _read(document: Document, camera_name: str | None) -> Reading:
     """Return the camera of our own form; it holds one camera, which has no name."""
     refuse_name(camera_name, document.name)
-    return Reading(camera_of(document.entries, document.name))
+    entries = document.entries
+    notes: tuple[str, ...] = ()
+    matrix = entries.get("camera_matrix")
+    if _is_column_by_column(matrix):
+        turned, notes = numbers.turned_matrix(matrix, document.name, "camera_matrix")
+        notes += (FROM_ONE,)
+        entries = {**entries, "camera_matrix": turned.tolist()}
+    return Reading(camera_of(entries, document.name), notes)
+
+
+def _is_column_by_column(matrix: object) -> bool:
+    if not isinstance(matrix, list) or [len(row) for row in matrix] != [3, 3, 3]:
+        return False
+    return [row[2] for row in matrix] == [0, 0, 1]
 
 
 def camera_of(entries: Mapping[str, object], where: str) -> Camera:

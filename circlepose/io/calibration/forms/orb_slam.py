@@ -28,7 +28,10 @@ _FISHEYE = ("k1", "k2", "k3", "k4")
 def _recognizes(document: Document) -> bool:
     """Whether the entries have ORB-SLAM's flat keys; those with a `Camera.model` are stella_vslam's."""
     entries = document.entries
-    return any(f"{name}.fx" in entries for name in _NAMES) and "Camera.model" not in entries
+    # ORB-SLAM asks for k1, and since version 3 for the type; other tools write a list of coefficients.
+    stated = ("Camera.type", *(f"{name}.k1" for name in _NAMES), *(f"{side}.K" for side in _SIDES))
+    is_stated = any(key in entries for key in stated)
+    return is_stated and any(f"{name}.fx" in entries for name in _NAMES) and "Camera.model" not in entries
 
 
 def _read(document: Document, camera_name: str | None) -> Reading:

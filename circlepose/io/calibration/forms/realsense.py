@@ -52,7 +52,7 @@ def _groups(entries: object, path: str, depth: int = 0) -> Iterator[tuple[str, _
     """Yield the groups that hold intrinsics, by their path in the file."""
     if depth > _MOST_DEPTH or not isinstance(entries, Mapping):
         return
-    if "ppx" in entries and "ppy" in entries:
+    if "ppx" in entries and "ppy" in entries and ("coeffs" in entries or "model" in entries):
         yield path, _Stream({str(key): value for key, value in entries.items()}, f"{path}." if path else "")
         return
     for key, value in entries.items():

@@ -1,0 +1,216 @@
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+import pytest
+
+from circlepose.errors import CalibrationError
+from circlepose.io.calibration.reader import CameraFile, read_camera_file
+from tests.support.lens_formulas import CX, CY, FX, FY, SIZE, check_terms
+
+K = [[FX, 0.0, CX], [0.0, FY, CY], [0.0, 0.0, 1.0]]
+ROWS = [each for row in K for each in row]
+D = [-0.215, 0.094, 4.5e-4, -2.5e-4, 0.013]
+
+
+TERMS = dict(zip(("k1", "k2", "p1", "p2", "k3"), D, strict=True))
+FLAT = {"fx": FX, "fy": FY, "cx": CX, "cy": CY}
+
+
+def read(entries: Any, camera_name: str | None = None) -> CameraFile:
+    return read_camera_file(json.dumps(entries).encode(), camera_name)
+
+
+def refused(content: Any, camera_name: str | None = None) -> str:
+    text = content if isinstance(content, bytes) else json.dumps(content).encode()
+    with pytest.raises(CalibrationError) as caught:
+        read_camera_file(text, camera_name)
+    sentence = str(caught.value)
+    assert sentence.startswith("<bytes>")
+    assert sentence[-1] in ".?"
+    assert "\n" not in sentence
+    return sentence
+
+
+@pytest.mark.parametrize(
+    "entries",
+    [
+        {"K": K, "D": D, "image_size": SIZE},
+        {"K": K, "D": [D], "width": 1280, "height": 960},
+        {"camera_matrix": K, "dist_coeff": [[each] for each in D], "image_width": 1280, "image_height": 960},
+        {"cameraMatrix": ROWS, "distCoeffs": D, "imageSize": {"width": 1280, "height": 960}},
+        {"mtx": K, "dist": [D], "img_shape": [960, 1280, 3]},
+        {"intrinsics": [FX, FY, CX, CY], "distortion": D, "resolution": [1280, 960]},
+        {"intrinsics": K, "distCoef": D, "resolution": "1280x960"},
+        {"intrinsics": FLAT, "distortion": TERMS, "resolution": {"width": 1280, "height": 960}},
+        {"camera_matrix": FLAT, "dist_coeffs": D, "image_size": SIZE},
+        {**FLAT, **TERMS, "w": 1280, "h": 960},
+        {"Fx": FX, "Fy": FY, "ppx": CX, "ppy": CY, **TERMS, "size": SIZE},
+        {"focal_length": [FX, FY], "principal_point": [CX, CY], "dist_coeffs": D, "image_size": SIZE},
+        {**FLAT, "radial_distortion": [D[0], D[1], D[4]], "tangential_distortion": D[2:4], "image_size": SIZE},
+        {"calibration": {"front": {"intrinsics": FLAT, "distortion": {"coefficients": D, "model": "plumb_bob"}}},
+         "image_size": SIZE},
+        {"Camera.fx": FX, "Camera.fy": FY, "Camera.cx": CX, "Camera.cy": CY, "Camera.dist": D,
+         "Camera.width": 1280, "Camera.height": 960},
+        [{"K": K, "D": D, "image_size": SIZE}],
+        {"cameras": [{"camera": {
+            "type": "pinhole", "image_width": 1280, "image_height": 960,
+            "intrinsics": {"rows": 4, "cols": 1, "data": [FX, FY, CX, CY]},
+            "distortion": {"type": "radial-tangential", "parameters": {"rows": 5, "cols": 1, "data": D}},
+        }}]},
+        {"intrinsics": {"matrix": K}, "distortion": {"values": D}, "image_size": SIZE},
+        {"camera_matrix": {"rows": 3, "cols": 3, "data": ROWS}, "dist": D, "image_size": SIZE},
+    ],
+)  # fmt: skip
+def test_the_same_camera_under_the_names_that_people_give(entries: Any) -> None:
+    file = read(entries)
+    assert file.form == "keys and values"
+    assert file.camera.image_size == SIZE
+    assert file.doubts == ()
+    check_terms(file, TERMS)
+
+
+def test_own_names_beside_harmless_ones_are_read_and_the_rest_is_named() -> None:
+    file = read(
+        {"camera_matrix": K, "dist_coeffs": D, "image_size": SIZE, "rms": 0.3, "date": "2024-05-01", "board": 3}
+    )
+    assert file.notes == ("not used: date, board",)
+    assert [doubt.about for doubt in read({"K": K, "D": D, "image_size": SIZE, "rms": 9.5}).doubts] == ["rms"]
+    check_terms(file, TERMS)
+
+
+def test_other_models_by_their_terms() -> None:
+    rational = {**TERMS, "k4": 0.11, "k5": -0.02, "k6": 0.003}
+    check_terms(read({**FLAT, **rational}), rational)
+    fisheye = {"k1": -0.02, "k2": 0.004, "k3": -0.001, "k4": 0.0002}
+    check_terms(read({**FLAT, **fisheye, "model": "equidistant"}), fisheye, fisheye=True)
+    check_terms(read({**FLAT, "D": list(fisheye.values()), "is_fisheye": True}), fisheye, fisheye=True)
+    named = read({**FLAT, "camera_model": "pinhole", "distortion_model": "fisheye", "D": list(fisheye.values())})
+    check_terms(named, fisheye, fisheye=True)
+
+
+def test_the_type_of_the_distortion_is_finer_than_that_of_the_camera() -> None:
+    fisheye = {"k1": -0.02, "k2": 0.004, "k3": -0.001, "k4": 0.0002}
+    bent = {"type": "equidistant", "parameters": list(fisheye.values())}
+    check_terms(read({"type": "pinhole", "intrinsics": FLAT, "distortion": bent}), fisheye, fisheye=True)
+
+
+def test_skew_moves_along_x_and_is_remarked_on() -> None:
+    file = read({**FLAT, **TERMS, "skew": -1.75})
+    check_terms(file, TERMS, skew=-1.75)
+    assert any("skew of -1.75 px" in note for note in file.notes)
+    check_terms(read({**FLAT, **TERMS, "alpha_c": 0.002}), TERMS, skew=0.002 * FX)
+
+
+@pytest.mark.parametrize("flat", [True, False])
+@pytest.mark.parametrize("key", ["K", "camera_matrix"])
+def test_a_matrix_that_stands_column_by_column_is_transposed(key: str, flat: bool) -> None:
+    columns = [list(column) for column in zip(*K, strict=True)]
+    file = read(
+        {
+            key: [each for column in columns for each in column] if flat else columns,
+            "dist_coeffs": D,
+            "image_size": SIZE,
+        }
+    )
+    check_terms(file, TERMS)
+    assert [note for note in file.notes if "was transposed" in note]
+    assert [note for note in file.notes if "MATLAB" in note]
+
+
+def test_a_size_of_height_and_width_is_turned_where_the_principal_point_shows_it() -> None:
+    file = read({"K": K, "D": D, "image_size": [960, 1280], "date": 1})
+    assert file.camera.image_size == SIZE
+    assert "image_size is (height, width)" in file.notes[0]
+
+
+def test_without_distortion_it_is_said() -> None:
+    file = read({**FLAT, "width": 1280, "height": 960})
+    check_terms(file, {})
+    assert file.notes == ("no distortion coefficients in the file: taken for a lens without distortion",)
+
+
+@pytest.mark.parametrize(
+    "entries",
+    [
+        {"left": {"K": K, "D": D}, "right": {"K": K, "D": [0.5, 0, 0, 0, 0]}, "image_size": SIZE},
+        {"cameras": [{"name": "left", **FLAT, **TERMS}, {"name": "right", **FLAT, "k1": 0.5}], "image_size": SIZE},
+        {"K_left": K, "D_left": D, "K_right": K, "D_right": [0.5, 0, 0, 0, 0], "R": K, "image_size": SIZE},
+        {"LEFT.K": K, "LEFT.D": D, "RIGHT.K": K, "RIGHT.D": [0.5, 0, 0, 0, 0], "image_size": SIZE},
+    ],
+)
+def test_of_several_cameras_the_first_is_taken_or_the_named_one(entries: Any) -> None:
+    first = read(entries)
+    check_terms(first, TERMS)
+    assert "of the 2 cameras" in first.notes[0]
+    second = read(entries, "right")
+    check_terms(second, {"k1": 0.5})
+    assert first.camera.image_size == second.camera.image_size == SIZE
+    assert "holds no camera 'top'; its cameras are" in refused(entries, "top")
+
+
+@pytest.mark.parametrize(
+    ("entries", "says"),
+    [
+        ({**FLAT, "k1": 0.1, "k7": 0.2}, "k7: is no known key and looks like distortion (0.2)"),
+        ({**FLAT, "distortion": {"a": 0.1, "b": 0.2}}, "distortion.a: is no known key and looks like distortion"),
+        ({**FLAT, "distortion_model": "none", "D": D}, "D, distortion_model: contradict each other"),
+        ({**FLAT, "xi": 1.2}, "xi: is no known key and looks like distortion"),
+        ({**FLAT, "dist_cofs": D}, "did you mean dist_coeffs?"),
+        ({**FLAT, "lens_distortion_terms": D}, "lens_distortion_terms: is no known key and looks like distortion"),
+        ({"camera_matrx": K, "dist_coeffs": D}, "camera_matrx: is no known key; did you mean camera_matrix?"),
+        ({**FLAT, "imge_width": 1280, "image_height": 960}, "imge_width: is no known key; did you mean image_width?"),
+        ({**FLAT, "k1": 0.1, "k2": 0.1, "k3": 0.1, "k4": 0.1}, "k4: is given without k5 and k6"),
+        ({**FLAT, "model": "fisheye", "p1": 0.1}, "p1: a fisheye camera has the coefficients k1 k2 k3 k4"),
+        ({**FLAT, "model": "fisheye", "date": 1}, "a fisheye camera has 4 coefficients"),
+        (
+            {**FLAT, "model": "double_sphere", "D": []},
+            "double sphere model, which circlepose does not have",
+        ),
+        ({**FLAT, "lens_model": "fishy", "D": []}, "lens_model: expected a pinhole model"),
+        ({**FLAT, "fisheye": True, "distortion_model": "radtan", "D": [0, 0, 0, 0]}, "contradict each other"),
+        ({"K": K, "D": [0.1, 0.2, 0.3]}, "may be k1 k2 k3 or k1 k2 p1"),
+        ({"K": K, "D": [0.1] * 6}, "got 6"),
+        ({"K": K, "D": None}, "D: has no value; expected [k1, k2, p1, p2, k3]"),
+        ({"K": K, "D": [math.nan] * 5}, "D: has entries that are not finite"),
+        ({"K": K, "D": D, **TERMS}, "D, k1: mean the same"),
+        ({"K": K, "mtx": K, "D": D}, "K, mtx: mean the same"),
+        ({"K": K, "D": D, "fx": 1.0}, "fx: contradicts K"),
+        ({"K1": K, "K2": K, "D": D}, "D: it is not clear of which camera this distortion is"),
+        ({"K": K, "D1": D}, "D1: it is not clear of which camera"),
+        ({"fx": FX, "cx": CX, "cy": CY, "date": 1}, "fy: missing; give camera_matrix, or all of fx, fy, cx, cy"),
+        ({"focal_length_mm": 8, "cx": CX, "cy": CY}, "fx, fy: missing"),
+        ({"K": K, "D": D, "image_size": SIZE, "image_width": 640, "image_height": 480}, "contradict each other"),
+        ({"K": K, "D": D, "image_width": 640}, "image_width: stands without the image's height"),
+        ({"K": K, "D": D, "image_size": 640}, "image_size: expected [width, height] in px, got 640"),
+        ({"K": "a.txt", "D": D}, "camera_matrix: missing"),
+        ({"K": K, "D": D, **{f"key_{i}": i for i in range(20_000)}}, "holds more than 10000 keys"),
+    ],
+)
+def test_what_is_not_clear_is_refused_with_the_step(entries: Any, says: str) -> None:
+    assert says in refused(entries)
+
+
+def test_a_term_of_zero_and_lists_of_other_things_are_no_hindrance() -> None:
+    seen = [{"x": 1, "y": 2, "w": 3, "h": 4}] * 20_000
+    file = read({**FLAT, **TERMS, "k7": 0, "board": {"width": 9, "height": 6}, "seen": seen, "dist_std": [0.1]})
+    check_terms(file, TERMS)
+    assert file.notes == ("not used: k7, board, seen, dist_std",)
+
+
+def test_yaml_as_python_dumps_it() -> None:
+    lines = [f"{key}: {value!r}" for key, value in {**FLAT, **TERMS}.items()]
+    text = "\n".join([*lines, "image_size: !!python/tuple", "- 1280", "- 960", "calibrated: 2024-05-01", ""])
+    file = read_camera_file(text.encode())
+    check_terms(file, TERMS)
+    assert file.camera.image_size == SIZE
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "latin-1", "cp932"])
+@pytest.mark.parametrize("line_end", ["\n", "\r\n"])
+def test_every_encoding_in_which_keys_and_numbers_are_clear(encoding: str, line_end: str) -> None:
+    remark = {"latin-1": "# Müllers Gerät", "cp932": "# カメラの校正"}.get(encoding, "# camera")
+    text = line_end.join([remark, f"K: {K}", f"D: {D}", "image_size: [1280, 960]", ""])
+    check_terms(read_camera_file(text.encode(encoding)), TERMS)
