@@ -102,7 +102,7 @@ def read_camera_file(source: Source, camera_name: str | None = None) -> CameraFi
     document = read_document(source)
     form = form_of(document)
     entries, name = document.entries, document.name
-    target = entries.get("target")
+    target = entries.get("target") if form.has_target else None
     if target is not None and not isinstance(target, Mapping):
         raise CalibrationError(f"{name}: target: expected a mapping such as {{radius_mm: 60}}, got {shown(target)}.")
     reading = form.read(document, camera_name)

@@ -8,12 +8,35 @@ from __future__ import annotations
 from circlepose.errors import CalibrationError
 from circlepose.io.calibration.document import Document
 from circlepose.io.calibration.form import Form
-from circlepose.io.calibration.forms import kalibr, native, opencv, ros
+from circlepose.io.calibration.forms import (
+    bouguet,
+    depthai,
+    kalibr,
+    mat,
+    matlab,
+    metashape,
+    native,
+    nerfstudio,
+    open3d,
+    opencv,
+    openptv,
+    report,
+    ros,
+)
 from circlepose.io.calibration.unknown import unknown_form
 
 FORMS: tuple[Form, ...] = (
     kalibr.FORM,
     ros.FORM,
+    report.FORM,
+    depthai.FORM,
+    open3d.FORM,
+    nerfstudio.FORM,
+    metashape.FORM,
+    bouguet.FORM,
+    matlab.FORM,
+    openptv.FORM,
+    mat.FORM,
     native.FORM,
     opencv.FORM,
 )
