@@ -1,16 +1,19 @@
-"""What the reader of calibrations answers on a file that it refuses."""
+"""What comes of a calibration file that is refused: one sentence."""
 
 from __future__ import annotations
+
+import pytest
 
 from circlepose.errors import CalibrationError
 from circlepose.io.calibration.reader import read_camera_file
 
 
-def refusal(content: bytes, camera_name: str | None = None) -> str:
-    """Return the message, which is one line; fails where the file is read."""
-    try:
-        file = read_camera_file(content, camera_name)
-    except CalibrationError as error:
-        assert "\n" not in str(error)
-        return str(error)
-    raise AssertionError(f"read as {file.form}")
+def refused_calibration(content: bytes | str, camera_name: str | None = None) -> str:
+    """Return the sentence with which a calibration is refused."""
+    with pytest.raises(CalibrationError) as caught:
+        read_camera_file(content.encode() if isinstance(content, str) else content, camera_name)
+    text = str(caught.value)
+    assert text.startswith("<bytes>")
+    assert text[-1] in ".?"
+    assert "\n" not in text
+    return text

@@ -19,7 +19,7 @@ from circlepose.io.calibration.matlab_text import Rows
 
 HDF5 = b"\x89HDF\r\n\x1a\n"
 _HEADER_SIZE = 128
-_MAX_UNPACKED = 50_000_000
+_MAX_UNPACKED = 20_000_000
 _MAX_VALUES = 10_000
 """of a matrix; larger ones are images or points and are left out"""
 _MAX_DEPTH = 8

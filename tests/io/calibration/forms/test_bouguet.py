@@ -8,7 +8,7 @@ from scipy.io import savemat
 
 from circlepose.io.calibration.reader import read_camera_file
 from tests.support.projected_points import assert_pixels, brown
-from tests.support.refusals import refusal
+from tests.support.refusals import refused_calibration
 
 SCRIPT = """% Intrinsic and Extrinsic Camera Parameters
 %
@@ -111,4 +111,4 @@ def test_four_numbers_are_taken_for_a_pinhole_with_a_remark() -> None:
 )
 def test_what_is_wrong_is_said_in_a_sentence(old: str, new: str, words: str) -> None:
     assert old in SCRIPT
-    assert words in refusal(SCRIPT.replace(old, new).encode())
+    assert words in refused_calibration(SCRIPT.replace(old, new).encode())

@@ -7,7 +7,7 @@ import pytest
 from circlepose.errors import CalibrationError
 from circlepose.io.calibration.reader import read_camera_file
 from tests.support.projected_points import assert_pixels, brown, equidistant
-from tests.support.refusals import refusal
+from tests.support.refusals import refused_calibration
 
 RATIONAL = [1.9, -0.4, 2e-4, -3e-4, 0.05, 2.1, -0.3, 0.02, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
 
@@ -98,7 +98,7 @@ def test_five_coefficients_of_a_camera_that_somebody_set() -> None:
     ],
 )
 def test_what_is_wrong_is_said_in_a_sentence(content: bytes, words: str) -> None:
-    assert words in refusal(content)
+    assert words in refused_calibration(content)
 
 
 def test_another_socket_is_refused_with_those_that_there_are() -> None:

@@ -9,7 +9,7 @@ from scipy.io import savemat
 
 from circlepose.io.calibration.reader import read_camera_file
 from tests.support.projected_points import assert_pixels, brown
-from tests.support.refusals import refusal
+from tests.support.refusals import refused_calibration
 
 PRINTED = """cameraParams =
 
@@ -137,4 +137,4 @@ def test_a_stereo_structure_has_two_cameras() -> None:
     ],
 )
 def test_what_is_wrong_is_said_in_a_sentence(content: bytes, words: str) -> None:
-    assert words in refusal(content)
+    assert words in refused_calibration(content)

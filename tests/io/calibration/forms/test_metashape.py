@@ -4,7 +4,7 @@ import pytest
 
 from circlepose.io.calibration.reader import read_camera_file
 from tests.support.projected_points import assert_pixels, brown, equidistant
-from tests.support.refusals import refusal
+from tests.support.refusals import refused_calibration
 
 HEAD = '<?xml version="1.0" encoding="UTF-8"?>\n'
 
@@ -117,4 +117,4 @@ def test_the_adjusted_calibration_goes_before_the_initial_one() -> None:
 )
 def test_what_is_wrong_is_said_in_a_sentence(content: bytes, words: str) -> None:
     content = content.replace(b"<sensors></sensors>", b"<sensors><sensor/></sensors>")
-    assert words in refusal(content)
+    assert words in refused_calibration(content)

@@ -8,7 +8,7 @@ import pytest
 from circlepose.errors import CalibrationError
 from circlepose.io.calibration.reader import read_camera_file
 from tests.support.projected_points import assert_pixels, brown, equidistant
-from tests.support.refusals import refusal
+from tests.support.refusals import refused_calibration
 
 FRAME = {"file_path": "images/frame_00001.png", "transform_matrix": [[1.0, 0.0, 0.0, 0.0]] * 4}
 LENS = {"fl_x": 1072.25, "fl_y": 1068.5, "cx": 1504.0, "cy": 1000.0, "w": 3008, "h": 2000}
@@ -72,4 +72,4 @@ def test_each_frame_may_have_a_lens() -> None:
     ],
 )
 def test_what_is_wrong_is_said_in_a_sentence(lens: dict[str, object], words: str) -> None:
-    assert words in refusal(content(**lens))
+    assert words in refused_calibration(content(**lens))

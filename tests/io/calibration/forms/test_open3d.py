@@ -7,7 +7,7 @@ import pytest
 from circlepose.errors import CalibrationError
 from circlepose.io.calibration.reader import read_camera_file
 from tests.support.projected_points import assert_pixels, brown
-from tests.support.refusals import refusal
+from tests.support.refusals import refused_calibration
 
 COLUMNS = [610.0, 0.0, 0.0, 0.0, 612.0, 0.0, 318.5, 241.25, 1.0]
 INTRINSIC = {"width": 640, "height": 480, "intrinsic_matrix": COLUMNS}
@@ -69,4 +69,4 @@ def test_a_matrix_row_by_row_is_not_open3ds() -> None:
     ],
 )
 def test_what_is_wrong_is_said_in_a_sentence(document: dict[str, object], words: str) -> None:
-    assert words in refusal(json.dumps(document).encode())
+    assert words in refused_calibration(json.dumps(document).encode())

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.support.refusals import refusal
+from tests.support.refusals import refused_calibration
 
 ORI = """105.26 102.75 403.88
     -0.238 0.244 0.055
@@ -29,9 +29,9 @@ ORI = """105.26 102.75 403.88
     ],
 )
 def test_its_files_are_refused_with_the_way_out(text: str, words: str) -> None:
-    assert words in refusal(text.encode())
+    assert words in refused_calibration(text.encode())
 
 
 @pytest.mark.parametrize("text", [ORI.replace("70.0\n", ""), "1 2 3 4 5 6 7", ORI.replace("70", "f")])
 def test_other_numbers_are_not_called_openptvs(text: str) -> None:
-    assert "OpenPTV's" not in refusal(text.encode())
+    assert "OpenPTV's" not in refused_calibration(text.encode())

@@ -11,7 +11,7 @@ from circlepose.io.calibration.reader import CameraFile, read_camera_file
 from circlepose_cli.app import main
 from circlepose_cli.reports.camera import describe, report_record
 from tests.support.paths import ROOT
-from tests.support.refusals import refusal
+from tests.support.refusals import refused_calibration
 
 MATRIX = [[801.25 / 3.0, 1.0 / 7.0, 319.5], [0.0, 802.0 / 3.0, 239.1], [0.0, 0.0, 1.0]]
 
@@ -64,7 +64,7 @@ def test_the_target_is_lost_with_a_remark() -> None:
 )
 def test_what_is_wrong_is_said_in_a_sentence(change: dict[str, object], words: str) -> None:
     record = report_record(describe(CameraFile(Camera.create(MATRIX), "circlepose", ROOT)))
-    assert words in refusal(json.dumps({**record, **change}).encode())
+    assert words in refused_calibration(json.dumps({**record, **change}).encode())
 
 
 def test_a_report_without_its_matrix_is_refused() -> None:
