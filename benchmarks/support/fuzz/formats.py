@@ -11,10 +11,10 @@ import cv2
 import numpy as np
 
 import circlepose
+from benchmarks.support.fuzz.calibrations import binaries, texts
 from benchmarks.support.fuzz.mutations import Rng, damaged_bytes, damaged_png, damaged_text
 from circlepose.camera.camera import Camera
 from circlepose.errors import CircleposeError, ImageError
-from circlepose.io.calibration.file_storage import storage_text
 from circlepose.io.calibration.reader import read_camera_file
 from circlepose.io.images.formats import known_format
 from circlepose.io.images.header_size import stated_size
@@ -50,7 +50,10 @@ def formats() -> Mapping[str, Format]:
     return {
         **{name: Format(content, damaged_bytes, read_image_case) for name, content in _images().items() if content},
         "png, checksums mended": Format(_encoded(".png", _picture()), damaged_png, read_image_case),
-        **{name: Format(content, damaged_text, read_camera_case) for name, content in _cameras().items()},
+        **{f"calibration, {name}": Format(each, damaged_text, read_camera_case) for name, each in texts().items()},
+        **{
+            f"calibration, {name}": Format(each, damaged_bytes, read_camera_case) for name, each in binaries().items()
+        },
         **{name: Format(content, damaged_text, read_target_case) for name, content in _targets().items()},
         **{name: Format(content, damaged_text, read_table_case) for name, content in _tables().items()},
     }
@@ -165,30 +168,6 @@ def _images() -> dict[str, bytes]:
         "pam": _encoded(".pam", color),
         "jpeg 2000": _encoded(".jp2", large),
     }
-
-
-def _cameras() -> dict[str, bytes]:
-    calibrations = sorted((ROOT / "configs" / "calibration").glob("*.yaml"))
-    found = {f"calibration, {path.stem}": path.read_bytes() for path in calibrations}
-    matrix = [600.0, 0.0, 319.5, 0.0, 600.0, 239.5, 0.0, 0.0, 1.0]
-    node = {"type_id": "opencv-matrix", "rows": 3, "cols": 3, "dt": "d", "data": matrix}
-    dist = {"type_id": "opencv-matrix", "rows": 1, "cols": 5, "dt": "d", "data": [-0.2, 0.1, 0.0, 0.0, 0.0]}
-    document = {"image_width": 640, "image_height": 480, "camera_matrix": node, "distortion_coefficients": dist}
-    found["calibration, opencv json"] = json.dumps(document, indent=1).encode()
-    xml = ['<?xml version="1.0"?>', "<opencv_storage>", "<image_width>640</image_width>"]
-    xml += ["<image_height>480</image_height>", *_xml_matrix("camera_matrix", 3, 3, matrix)]
-    xml += [*_xml_matrix("distortion_coefficients", 1, 5, [-0.2, 0.1, 0.0, 0.0, 0.0]), "</opencv_storage>", ""]
-    found["calibration, opencv xml"] = "\n".join(xml).encode()
-    found["calibration, written"] = storage_text(
-        {"camera_matrix": np.reshape(matrix, (3, 3)), "distortion_coefficients": np.zeros((1, 5)), "fisheye_model": 0}
-    ).encode()
-    return found
-
-
-def _xml_matrix(name: str, rows: int, cols: int, numbers: list[float]) -> list[str]:
-    data = " ".join(map(repr, numbers))
-    size = [f"<rows>{rows}</rows>", f"<cols>{cols}</cols>", "<dt>d</dt>"]
-    return [f'<{name} type_id="opencv-matrix">', *size, f"<data>{data}</data>", f"</{name}>"]
 
 
 def _targets() -> dict[str, bytes]:

@@ -1,6 +1,6 @@
 """Calibration files -> `Camera`, whatever tool wrote them; the form is recognized by the content, not by the name.
 
-All these forms share OpenCV's convention: an integer pixel coordinate is a pixel's center.
+The camera is in OpenCV's conventions: an integer pixel coordinate is a pixel's center.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class CameraFile:
 
     camera: Camera
     form: str
-    """OpenCV FileStorage, ROS camera_info, Kalibr camchain or circlepose"""
+    """name of one of `registry.FORMS`"""
     path: Path
     target: Mapping[str, object] | None = None
     """the file's `target:` as it stands, for `target_file.target_from_mapping`"""
@@ -86,7 +86,7 @@ def read_camera_file(source: Source, camera_name: str | None = None) -> CameraFi
     Parameters
     ----------
     source
-        OpenCV FileStorage (YAML 1.0 or 1.2, XML, JSON), ROS camera_info, Kalibr camchain or our own YAML.
+        OpenCV FileStorage, ROS camera_info, Kalibr camchain, our own YAML, and all of `registry.FORMS`.
     camera_name
         Which camera to take from a file of several (`cam1`, `M2`); by default the first.
 
