@@ -134,3 +134,13 @@ def chessboard(matrix: np.ndarray, tilt: tuple[float, float, float]) -> np.ndarr
     big[:2, 2] = 1.5
     photo = cv2.warpPerspective(board, big @ matrix @ pose @ to_mm, (2560, 1920), borderValue=225)
     return cv2.resize(photo, (640, 480), interpolation=cv2.INTER_AREA)
+
+
+@pytest.mark.parametrize("page", sorted(PAGES.glob("*.md")), ids=lambda page: page.stem)
+def test_links_lead_somewhere(page: Path) -> None:
+    for target, anchor in re.findall(r"\]\(([\w./-]*\.md)?(#[\w-]+)?\)", page.read_text(encoding="utf-8")):
+        linked = page.parent / target if target else page
+        assert linked.is_file(), target
+        headings = re.findall(r"^#+ (.*)$", linked.read_text(encoding="utf-8"), re.MULTILINE)
+        anchors = {f"#{re.sub(r'[^a-z0-9 -]', '', heading.lower()).replace(' ', '-')}" for heading in headings}
+        assert not anchor or anchor in anchors, anchor

@@ -12,6 +12,8 @@ Rows: TypeAlias = list[list[float]]
 MAX_ROWS = 100
 """of a matrix; a longer one is no part of a calibration and is left out"""
 _NAME = re.compile(r"\s*(?:[A-Za-z]\w*\.)*([A-Za-z]\w*)\s*(?:=|:)(?!=)(.*)")
+_NEXT = re.compile(r"[;,](?=[ \t]*[A-Za-z]\w*[ \t]*=(?!=))")
+"""between two assignments of a line"""
 _SCALE = re.compile(r"\s*(\d(?:\.\d+)?[eE][-+]\d+)\s*\*\s*")
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?(?i:inf)|(?i:nan)")
 
@@ -38,10 +40,10 @@ def variables(text: str) -> tuple[dict[str, Rows], set[str]]:
 
 
 class _Lines:
-    """The lines without comments, which can be looked at before they are taken."""
+    """The lines without comments, an assignment each, which can be looked at before they are taken."""
 
     def __init__(self, text: str) -> None:
-        self._lines = [line.split("%", 1)[0].rstrip() for line in text.splitlines()]
+        self._lines = [part for line in text.splitlines() for part in _NEXT.split(line.split("%", 1)[0].rstrip())]
         self._next = 0
 
     def __iter__(self) -> Iterator[str]:

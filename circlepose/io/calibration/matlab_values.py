@@ -14,6 +14,8 @@ from circlepose.io.calibration.matlab_text import Rows, variables
 Fields = Mapping[str, Value]
 """the variables of a file, or the fields of one structure"""
 _MAX_DEPTH = 4
+_MAX_CHARACTERS = 1_000_000
+"""of a script or print; results of a calibration, with all poses of its board, have some 100 kB"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +46,9 @@ def values_of(document: Document) -> Values:
 
 def assigns(text: str | None, name: str) -> bool:
     """Whether a text gives the variable `name` a value: quicker than `values_of`, to recognize a form."""
-    return text is not None and re.search(rf"^[ \t]*(?:\w+\.)*{name}[ \t]*[=:]", text, re.MULTILINE) is not None
+    if text is None or len(text) > _MAX_CHARACTERS:
+        return False
+    return re.search(rf"(?:^|[;,])[ \t]*(?:\w+\.)*{name}[ \t]*[=:]", text, re.MULTILINE) is not None
 
 
 def vector(fields: Fields, key: str, where: str, counts: tuple[int, ...]) -> list[float]:

@@ -50,7 +50,10 @@ def _read(document: Document, camera_name: str | None) -> Reading:
         )
     dist = pinhole_coefficients(numbers.coefficients(dist_rows, where, dist_key), where, dist_key)
     camera = numbers.build_camera(where, (key, matrix), (dist_key, dist), _size(values.fields, where), "pinhole")
-    return Reading(camera, (f"{key} and {dist_key} are taken in OpenCV's convention, whose pixels count from 0",))
+    notes: tuple[str, ...] = (f"{key} and {dist_key} are taken in OpenCV's convention, whose pixels count from 0",)
+    if len(dist) == 4 and any(dist):
+        notes += ("the 4 coefficients are taken for a pinhole lens (k1 k2 p1 p2), not for a fisheye lens",)
+    return Reading(camera, notes)
 
 
 def _one(fields: Fields, pattern: re.Pattern[str], where: str) -> tuple[str, Rows]:

@@ -30,6 +30,8 @@ _WORDS = (
 )
 _CLASSES = re.compile(r"(?:camera|stereo|fisheye)\w*")
 _PRINTED = re.compile(r"(?:cameraParameters|cameraIntrinsics|fisheyeIntrinsics|fisheyeParameters) with properties")
+_PRINTED_BY = 10_000
+"""Characters within which a print says what it is of."""
 _SAVE = "[K, D] = cameraIntrinsicsToOpenCV(params); save('camera.mat', 'K', 'D', '-v7')"
 _MAX_DEPTH = 3
 
@@ -47,7 +49,7 @@ def _recognizes(document: Document) -> bool:
         return any(f'"{word}"' in text for word in _WORDS) and bool(_cameras(values_of(document).fields))
     if document.is_file_storage:
         return False
-    return _PRINTED.search(text) is not None or sum(assigns(text, word) for word in _WORDS) > 1
+    return _PRINTED.search(text, 0, _PRINTED_BY) is not None or sum(assigns(text, word) for word in _WORDS) > 1
 
 
 def _read(document: Document, camera_name: str | None) -> Reading:

@@ -20,7 +20,7 @@ from circlepose.io.calibration.form import Form, Reading, choose, refuse_name
 
 _Numbers: TypeAlias = Mapping[str, float]
 _SIGNATURE = re.compile(
-    r"\s*(?:<\?xml[^>]{0,200}\?>)?\s*(?:<!--.{0,2000}?-->\s*)?<(calibration|document)\b", re.DOTALL
+    r"(?:<\?xml[^>]{0,200}\?>)?\s{0,20}(?:<!--.{0,2000}?-->\s{0,20})?<(calibration|document)\b", re.DOTALL
 )
 _TERM = re.compile(r"f|fx|fy|cx|cy|skew|[bkps]\d{1,2}")
 _KNOWN = {"f", "fx", "fy", "cx", "cy", "skew", "b1", "b2", "k1", "k2", "k3", "k4", "p1", "p2", "p3", "p4"}
@@ -39,16 +39,17 @@ class _Lens:
 
 def _recognizes(document: Document) -> bool:
     """Whether the text is XML with `<calibration>` at its root, or a Metashape document with sensors."""
-    start = None if document.text is None else _SIGNATURE.match(document.text)
-    if start is None or document.text is None:
+    text = document.text
+    start = None if text is None else _SIGNATURE.match(text.lstrip())
+    if start is None or text is None:
         return False
-    return start[1] == "calibration" or "<sensor" in document.text
+    return start[1] == "calibration" or "<sensor" in text
 
 
 def _read(document: Document, camera_name: str | None) -> Reading:
     """Return the camera of a calibration, or of the sensor `camera_name` (its label or id) of a document."""
     where = document.name
-    root = _parse(document.text or "", where)
+    root = _parse((document.text or "").lstrip(), where)
     if root.tag == "calibration":
         refuse_name(camera_name, where)
         return _reading(_lens(root, root, where), where, ())

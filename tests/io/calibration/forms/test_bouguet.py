@@ -65,6 +65,13 @@ def test_the_script_that_the_toolbox_writes() -> None:
     assert file.camera.sigma.center_px == pytest.approx(0.70541 / 3.0)
 
 
+def test_several_assignments_of_a_line() -> None:
+    text = "fc = [600; 601]; cc = [320 240]; kc = zeros(5, 1); kc = [0 0 0 0 0], nx = 640; ny = 480;  % by hand\n"
+    file = read_camera_file(text.encode())
+    assert file.camera.image_size == (640, 480)
+    assert_pixels(file.camera, lambda x, y: (600.0 * x + 320.0, 601.0 * y + 240.0))
+
+
 def test_its_mat_file() -> None:
     content = saved(
         fc=np.array([[657.39543419723001], [658.12517139443278]]),

@@ -39,6 +39,12 @@ def test_a_camera_matrix_and_coefficients(matrix: str, dist: str, compressed: bo
     assert "OpenCV's convention" in file.notes[0]
 
 
+def test_four_coefficients_are_taken_for_a_pinhole_with_a_remark() -> None:
+    file = read_camera_file(saved(K=K, D=D[0][:4]))
+    assert file.camera.model == "pinhole"
+    assert "not for a fisheye lens" in file.notes[1]
+
+
 def element(kind: int, data: bytes) -> bytes:
     return struct.pack("<II", kind, len(data)) + data + b"\0" * (-len(data) % 8)
 
