@@ -23,7 +23,7 @@ _DIST = [-0.2, 0.1, 0.0, 0.0, 0.0]
 _K, _D = np.reshape(_MATRIX, (3, 3)), np.array([_DIST])
 
 
-def texts() -> Mapping[str, bytes]:
+def text_calibrations() -> Mapping[str, bytes]:
     """Return calibrations that are text, by a name."""
     templates = sorted((_ROOT / "configs" / "calibration").iterdir())
     found = {path.stem: path.read_bytes() for path in templates}
@@ -33,7 +33,7 @@ def texts() -> Mapping[str, bytes]:
     return {**found, **_storages(), "report whole": _report()}
 
 
-def binaries() -> Mapping[str, bytes]:
+def binary_calibrations() -> Mapping[str, bytes]:
     """Return calibrations that are no text, by a name."""
     structure = {"RadialDistortion": [-0.2, 0.1], "IntrinsicMatrix": _K.T, "ImageSize": [480.0, 640.0], "Units": "mm"}
     bouguet = {"fc": [[600.0], [600.0]], "cc": [[319.5], [239.5]], "kc": _D.T, "nx": 640, "ny": 480}

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 import circlepose
-from benchmarks.support.fuzz.calibrations import binaries, texts
+from benchmarks.support.fuzz.calibrations import binary_calibrations, text_calibrations
 from benchmarks.support.fuzz.mutations import Rng, damaged_bytes, damaged_png, damaged_text
 from circlepose.camera.camera import Camera
 from circlepose.errors import CircleposeError, ImageError
@@ -50,9 +50,13 @@ def formats() -> Mapping[str, Format]:
     return {
         **{name: Format(content, damaged_bytes, read_image_case) for name, content in _images().items() if content},
         "png, checksums mended": Format(_encoded(".png", _picture()), damaged_png, read_image_case),
-        **{f"calibration, {name}": Format(each, damaged_text, read_camera_case) for name, each in texts().items()},
         **{
-            f"calibration, {name}": Format(each, damaged_bytes, read_camera_case) for name, each in binaries().items()
+            f"calibration, {name}": Format(each, damaged_text, read_camera_case)
+            for name, each in text_calibrations().items()
+        },
+        **{
+            f"calibration, {name}": Format(each, damaged_bytes, read_camera_case)
+            for name, each in binary_calibrations().items()
         },
         **{name: Format(content, damaged_text, read_target_case) for name, content in _targets().items()},
         **{name: Format(content, damaged_text, read_table_case) for name, content in _tables().items()},
