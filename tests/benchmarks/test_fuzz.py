@@ -11,17 +11,27 @@ from benchmarks.fuzz import FAILURES, damaged, fuzz
 from benchmarks.support.fuzz.arguments import formats as calls
 from benchmarks.support.fuzz.formats import formats
 from benchmarks.support.fuzz.mutations import generator
+from circlepose.io.calibration.reader import read_camera_file
+from circlepose.io.calibration.registry import FORMS
 from circlepose.io.images.formats import JPEG_2000_VARIABLE
 
 FORMATS = formats()
 CALLS = calls()
 TEXTS = ("calibration", "target", "table")
+REFUSED = {"OpenPTV"}
+"""forms that are recognized but never read"""
 
 
 @pytest.mark.parametrize("name", FORMATS)
 def test_what_is_damaged_was_sound_before(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(JPEG_2000_VARIABLE, "1")
     assert FORMATS[name].read(FORMATS[name].content, 0) == "read"
+
+
+def test_each_form_of_a_calibration_is_fuzzed() -> None:
+    contents = [format_.content for name, format_ in FORMATS.items() if name.startswith("calibration")]
+    fuzzed = {read_camera_file(content).form for content in contents}
+    assert fuzzed == {form.name for form in FORMS} - REFUSED
 
 
 @pytest.mark.parametrize("name", CALLS)

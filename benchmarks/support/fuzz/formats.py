@@ -15,7 +15,6 @@ from benchmarks.support.fuzz.calibrations import binary_calibrations, text_calib
 from benchmarks.support.fuzz.mutations import Rng, damaged_bytes, damaged_png, damaged_text
 from circlepose.camera.camera import Camera
 from circlepose.errors import CircleposeError, ImageError
-from circlepose.io.calibration.file_storage import storage_text
 from circlepose.io.calibration.reader import read_camera_file
 from circlepose.io.images.formats import known_format
 from circlepose.io.images.header_size import stated_size
@@ -51,14 +50,13 @@ def formats() -> Mapping[str, Format]:
     return {
         **{name: Format(content, damaged_bytes, read_image_case) for name, content in _images().items() if content},
         "png, checksums mended": Format(_encoded(".png", _picture()), damaged_png, read_image_case),
-        **{name: Format(content, damaged_text, read_camera_case) for name, content in _cameras().items()},
         **{
-            f"calibration, {name}": Format(text, damaged_text, read_camera_case)
-            for name, text in text_calibrations().items()
+            f"calibration, {name}": Format(each, damaged_text, read_camera_case)
+            for name, each in text_calibrations().items()
         },
         **{
-            f"calibration, {name}": Format(content, damaged_bytes, read_camera_case)
-            for name, content in binary_calibrations().items()
+            f"calibration, {name}": Format(each, damaged_bytes, read_camera_case)
+            for name, each in binary_calibrations().items()
         },
         **{name: Format(content, damaged_text, read_target_case) for name, content in _targets().items()},
         **{name: Format(content, damaged_text, read_table_case) for name, content in _tables().items()},
@@ -174,55 +172,6 @@ def _images() -> dict[str, bytes]:
         "pam": _encoded(".pam", color),
         "jpeg 2000": _encoded(".jp2", large),
     }
-
-
-def _cameras() -> dict[str, bytes]:
-    calibrations = sorted((ROOT / "configs" / "calibration").glob("*.yaml"))
-    found = {f"calibration, {path.stem}": path.read_bytes() for path in calibrations}
-    matrix = [600.0, 0.0, 319.5, 0.0, 600.0, 239.5, 0.0, 0.0, 1.0]
-    node = {"type_id": "opencv-matrix", "rows": 3, "cols": 3, "dt": "d", "data": matrix}
-    dist = {"type_id": "opencv-matrix", "rows": 1, "cols": 5, "dt": "d", "data": [-0.2, 0.1, 0.0, 0.0, 0.0]}
-    document = {"image_width": 640, "image_height": 480, "camera_matrix": node, "distortion_coefficients": dist}
-    found["calibration, opencv json"] = json.dumps(document, indent=1).encode()
-    xml = ['<?xml version="1.0"?>', "<opencv_storage>", "<image_width>640</image_width>"]
-    xml += ["<image_height>480</image_height>", *_xml_matrix("camera_matrix", 3, 3, matrix)]
-    xml += [*_xml_matrix("distortion_coefficients", 1, 5, [-0.2, 0.1, 0.0, 0.0, 0.0]), "</opencv_storage>", ""]
-    found["calibration, opencv xml"] = "\n".join(xml).encode()
-    found["calibration, written"] = storage_text(
-        {"camera_matrix": np.reshape(matrix, (3, 3)), "distortion_coefficients": np.zeros((1, 5)), "fisheye_model": 0}
-    ).encode()
-    return {**found, **_other_texts(matrix)}
-
-
-def _other_texts(matrix: list[float]) -> dict[str, bytes]:
-    """Return calibrations in forms without a template."""
-    dist = [-0.2, 0.1, 0.0, 0.0, 0.0]
-    rows = "\n".join(" ".join(map(repr, matrix[3 * row : 3 * row + 3])) for row in range(3))
-    ini = f"[image]\n\nwidth\n640\n\nheight\n480\n\n[left]\n\ncamera matrix\n{rows}\n\ndistortion\n-0.2 0.1 0 0 0\n"
-    message = f"height: 480\nwidth: 640\ndistortion_model: plumb_bob\nd: {dist}\nk: {matrix}\nbinning_x: 0\n---\n"
-    inner = {"fx": 600.0, "fy": 600.0, "cx": 319.5, "cy": 239.5}
-    left = {
-        "intrinsics": inner,
-        "distortion": {"k1": -0.2, "k2": 0.1, "model": "radtan"},
-        "image_shape": [480, 640, 3],
-    }
-    keys = {
-        "left": left,
-        "right": {"K": matrix, "distCoef": dist, "resolution": "640x480"},
-        "rms": 0.2,
-        "date": "today",
-    }
-    return {
-        "calibration, ros ini": ini.encode(),
-        "calibration, ros messages": (message * 2).encode(),
-        "calibration, keys and values": json.dumps(keys, indent=1).encode(),
-    }
-
-
-def _xml_matrix(name: str, rows: int, cols: int, numbers: list[float]) -> list[str]:
-    data = " ".join(map(repr, numbers))
-    size = [f"<rows>{rows}</rows>", f"<cols>{cols}</cols>", "<dt>d</dt>"]
-    return [f'<{name} type_id="opencv-matrix">', *size, f"<data>{data}</data>", f"</{name}>"]
 
 
 def _targets() -> dict[str, bytes]:

@@ -39,6 +39,8 @@ class Form:
     """
     is_generic: bool = False
     """Whether other forms that recognize the document go first: those of keys that many tools share"""
+    has_target: bool = True
+    """Whether `target:` in its files is ours, to be measured"""
 
 
 def choose(names: Sequence[str], camera_name: str | None, where: str) -> tuple[str, tuple[str, ...]]:

@@ -1,6 +1,6 @@
 """Calibration files -> `Camera`, whatever tool wrote them; the form is recognized by the content, not by the name.
 
-All these forms share OpenCV's convention: an integer pixel coordinate is a pixel's center.
+The camera is in OpenCV's conventions: an integer pixel coordinate is a pixel's center.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class CameraFile:
 
     camera: Camera
     form: str
-    """its name, as `circlepose camera` shows it: OpenCV FileStorage, ROS camera_info, keys and values ..."""
+    """name of one of `registry.FORMS`"""
     path: Path
     target: Mapping[str, object] | None = None
     """the file's `target:` as it stands, for `target_file.target_from_mapping`"""
@@ -89,7 +89,7 @@ def read_camera_file(source: Source, camera_name: str | None = None) -> CameraFi
     Parameters
     ----------
     source
-        OpenCV FileStorage (YAML 1.0 or 1.2, XML, JSON), ROS, Kalibr, keys and values of any spelling, and others.
+        OpenCV FileStorage, ROS camera_info, Kalibr camchain, our own YAML, and all of `registry.FORMS`.
     camera_name
         Which camera to take from a file of several (`cam1`, `M2`); by default the first.
 
@@ -105,7 +105,7 @@ def read_camera_file(source: Source, camera_name: str | None = None) -> CameraFi
     document = read_document(source)
     form = form_of(document)
     entries, name = document.entries, document.name
-    target = entries.get("target")
+    target = entries.get("target") if form.has_target else None
     if target is not None and not isinstance(target, Mapping):
         raise CalibrationError(f"{name}: target: expected a mapping such as {{radius_mm: 60}}, got {shown(target)}.")
     reading = form.read(document, camera_name)

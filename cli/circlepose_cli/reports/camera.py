@@ -12,12 +12,12 @@ import numpy as np
 from circlepose._numerics import angle_between
 from circlepose._typing import FloatArray
 from circlepose.camera.camera import Camera
+from circlepose.io.calibration.forms.report import CAMERA_SCHEMA
 from circlepose.io.calibration.reader import CameraFile
 from circlepose.io.text.escaping import printable
 from circlepose.targets.target import Target
 from circlepose_cli.reports.target import describe_target, target_warnings
 
-SCHEMA = "circlepose.camera/1"
 CONVENTION = "an integer pixel coordinate is a pixel's center; (0, 0) is the center of the top left pixel"
 REFUSED = " (estimate refuses it without --force-calib)"
 _CORNERS = ("top left", "top right", "bottom left", "bottom right")
@@ -49,6 +49,8 @@ class CameraReport:
     focal_sigma_px: float
     center_sigma_px: float
     """standard deviations of the focal lengths and of the principal point; 0 where the file does not say them"""
+    camera_matrix: tuple[tuple[float, ...], ...]
+    """all of it, also the skew: with it the report is a calibration itself"""
     dist_coeffs: tuple[float, ...]
     field_of_view_deg: dict[str, float | None] | None
     """horizontal, vertical, diagonal; each None where the lens model does not reach the edge"""
@@ -76,6 +78,7 @@ def describe(camera_file: CameraFile, target: Target | None = None) -> CameraRep
         principal_point_offset_px=None if offset is None else _pair(offset),
         focal_sigma_px=camera.sigma.focal_px,
         center_sigma_px=camera.sigma.center_px,
+        camera_matrix=tuple(map(tuple, matrix.tolist())),
         dist_coeffs=tuple(camera.dist_coeffs.tolist()),
         field_of_view_deg=None if size is None else _field_of_view(camera, size),
         corner_shifts=shifts,
@@ -121,7 +124,7 @@ def _corner_shifts(camera: Camera, size: tuple[int, int]) -> Iterator[CornerShif
 
 def report_record(report: CameraReport) -> dict[str, Any]:
     """Return the report as plain values for JSON."""
-    return {"schema": SCHEMA, **asdict(report), "pixel_convention": CONVENTION}
+    return {"schema": CAMERA_SCHEMA, **asdict(report), "pixel_convention": CONVENTION}
 
 
 def report_text(report: CameraReport) -> str:

@@ -219,7 +219,7 @@ def test_stereo_file_gives_the_first_or_the_named_camera() -> None:
         (b"<opencv_storage><a>1</a><a>2</a></opencv_storage>", "'a' is given twice"),
         (b"<opencv_storage><a>1</opencv_storage>", "is not valid XML"),
         (b"<opencv_storage>1</opencv_storage>", "holds no keys"),
-        (b"<calibration><projection>frame</projection></calibration>", "XML of another kind .<calibration>."),
+        (b"<project><a>1</a></project>", "XML of another kind .<project>."),
         (b'<!DOCTYPE x [<!ENTITY a "b">]><opencv_storage><a>&a;</a></opencv_storage>', "document type or entities"),
         (b"<opencv_storage>" + b"<a>" * 9000 + b"</a>" * 9000 + b"</opencv_storage>", "nested too deeply"),
         (b'{"a":' * 100_000 + b"1" + b"}" * 100_000, "nested too deeply"),
