@@ -40,7 +40,7 @@ def binary_calibrations() -> Mapping[str, bytes]:
     bouguet = {"fc": [[600.0], [600.0]], "cc": [[319.5], [239.5]], "kc": _D.T, "nx": 640, "ny": 480}
     return {
         "mat": _mat(K=_K, D=_D, width=640, height=480),
-        "mat compressed": _mat(is_compressed=True, mtx=_K, dist=_D),
+        "mat compressed": _mat(is_compressed=True, mtx=_K, dist=_D, width=640, height=480),
         "mat structure": _mat(params=structure),
         "mat bouguet": _mat(**bouguet),
         "npz": _npz(np.savez),

@@ -17,7 +17,6 @@ import numpy as np
 
 from circlepose.io.calibration.matlab_text import Rows
 
-HDF5 = b"\x89HDF\r\n\x1a\n"
 _HEADER_SIZE = 128
 _MAX_UNPACKED = 20_000_000
 _MAX_VALUES = 10_000
@@ -49,9 +48,9 @@ def is_mat_file(content: bytes) -> bool:
     return len(content) > _HEADER_SIZE and content[124:128] in (b"\x00\x01IM", b"\x01\x00MI")
 
 
-def is_hdf5(content: bytes) -> bool:
-    """Whether the bytes are HDF5, as .mat files of version 7.3 are, behind a header of MATLAB's."""
-    return content.startswith((HDF5, b"MATLAB 7.3 MAT-file")) or content[512:520] == HDF5
+def is_newer_mat_file(content: bytes) -> bool:
+    """Whether the bytes are a .mat file of version 7.3: HDF5 behind a header of MATLAB's."""
+    return content.startswith(b"MATLAB 7.3 MAT-file")
 
 
 def mat_variables(content: bytes) -> Mapping[str, Value]:

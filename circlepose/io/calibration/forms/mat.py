@@ -12,7 +12,7 @@ from circlepose.io.calibration import numbers
 from circlepose.io.calibration.document import Document
 from circlepose.io.calibration.form import Form, Reading, refuse_name
 from circlepose.io.calibration.lens_models import pinhole_coefficients, plain
-from circlepose.io.calibration.mat_file import MatObject, Value, is_hdf5, is_mat_file
+from circlepose.io.calibration.mat_file import MatObject, Value, is_mat_file, is_newer_mat_file
 from circlepose.io.calibration.matlab_text import Rows
 from circlepose.io.calibration.matlab_values import Fields, values_of
 from circlepose.io.text.validation import some_keys
@@ -25,7 +25,7 @@ _OCTAVE = "# Created by Octave"
 
 def _recognizes(document: Document) -> bool:
     """Whether the file is one of MATLAB's, or of Octave's, whatever is in it."""
-    if is_mat_file(document.content) or is_hdf5(document.content):
+    if is_mat_file(document.content) or is_newer_mat_file(document.content):
         return True
     return document.text is not None and document.text.startswith(_OCTAVE)
 
@@ -34,7 +34,7 @@ def _read(document: Document, camera_name: str | None) -> Reading:
     """Return the camera of a file whose variables are a camera matrix and its coefficients."""
     where = document.name
     if not is_mat_file(document.content):
-        kind = "a .mat file of version 7.3 (HDF5)" if is_hdf5(document.content) else "a text file of Octave"
+        kind = "a .mat file of version 7.3 (HDF5)" if is_newer_mat_file(document.content) else "a text file of Octave"
         raise CalibrationError(f"{where}: is {kind}; save it with save('camera.mat', '-v7').")
     refuse_name(camera_name, where)
     values = values_of(document)
