@@ -19,6 +19,8 @@ copyright = author
 version = release = __version__
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+# `%YAML:1.0`, with which OpenCV to 4.x begins, is no YAML.
+suppress_warnings = ["misc.highlighting_failure"]
 exclude_patterns = ["_build", "sitegen", "notebooks", "pictures"]
 myst_heading_anchors = 4
 # In docstrings, `name` is code.
