@@ -89,7 +89,7 @@ FLAG_MEANING: Mapping[Flag, str] = {
     Flag.RING_MISFIT: "the circles of the target are not seen where its radii, or its generatrix, put them",
     Flag.NOT_FLAT: "the rings are not in one plane but height_mm apart; measure the target as kind: coaxial",
     Flag.VANISHING_LINE_DISAGREES: "the normal from the vanishing line contradicts the chosen candidate",
-    Flag.NEAR_RIGHT: "seen almost along its axis; the tilt is ill-determined, the two candidates nearly agree",
+    Flag.NEAR_RIGHT: "its image is a circle, within the precision of its axes; the tilt is ill-determined",
     Flag.NEAR_DEGENERATE: "seen almost edge-on; the image is a sliver",
     Flag.POOR_FIT: "the contour departs from the fitted ellipse by more than edge noise explains",
     Flag.CHORD_MENDED: "contour route: one of its four points lay on an outlier, which was left out",

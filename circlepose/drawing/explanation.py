@@ -66,7 +66,7 @@ def draw_explanation(image: Image, explanation: Explanation, camera: Camera) -> 
     number = len(explanation.circles)
     sentences = [words.summary(explanation.result.circles)]
     if number > len(shown):
-        sentences.append(f"the first {len(shown)} of {number} circles; `--count 1` or axis intervals choose others")
+        sentences.append(f"the first {len(shown)} of {number} circles")
     sentences.append(
         "Places along the rim are in deg, clockwise, as marked on the crop. Residuals are white at 0, red or blue at "
         f"{_FULL_SCALE:g} sigma."
@@ -98,7 +98,7 @@ def _legend(circles: Sequence[ExplainedCircle]) -> tuple[LegendItem, ...]:
 
 
 def _color(circle: ExplainedCircle) -> Color:
-    return AMBIGUOUS if words.is_ambiguous(circle.result) else CHOSEN
+    return AMBIGUOUS if words.is_doubtful(circle.result) else CHOSEN
 
 
 def _panel(base: Image, circle: ExplainedCircle, camera: Camera) -> Image:

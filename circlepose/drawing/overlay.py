@@ -242,7 +242,7 @@ def _draw_center(pen: Pen, circle: CircleResult) -> None:
 
 
 def _color(circle: CircleResult) -> Color:
-    return REJECTED if not circle.candidates else AMBIGUOUS if words.is_ambiguous(circle) else CHOSEN
+    return REJECTED if not circle.candidates else AMBIGUOUS if words.is_doubtful(circle) else CHOSEN
 
 
 def _legend(drawn: Sequence[_Drawn], *, has_numbers: bool) -> tuple[LegendItem, ...]:
@@ -260,7 +260,7 @@ def _legend(drawn: Sequence[_Drawn], *, has_numbers: bool) -> tuple[LegendItem, 
     if colors - {REJECTED}:
         items.append(LegendItem("cross", CENTER, "imaged center"))
     if any(each.hidden.any() for each in drawn):
-        items.append(LegendItem("line", UNUSED, "no edge found on this part of the rim"))
+        items.append(LegendItem("line", UNUSED, "part of the rim where the contour has a gap"))
     if REJECTED in colors:
         items.append(LegendItem("line", REJECTED, "contour without a pose"))
     if drawn and has_numbers:
@@ -286,7 +286,11 @@ def _heading(
     legend: tuple[LegendItem, ...],
 ) -> Heading:
     has_failed = result.status is not Status.OK
-    sentences = [f"{result.status}: {result.reason}" if result.reason else f"{result.status}"] if has_failed else []
+    sentences = (
+        [f"{result.status}: {words.without_advice(result.reason)}" if result.reason else f"{result.status}"]
+        if has_failed
+        else []
+    )
     if circles:
         sentences.append(words.summary(circles))
     sentences.append("; ".join(remark for remark in remarks if remark))

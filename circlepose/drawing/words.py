@@ -18,6 +18,8 @@ _SETTLED_BY = {
     SettledBy.COMMON_PLANE: "the common plane",
     SettledBy.HINT: "the hint",
 }
+DOUBTFUL_FROM = 0.05
+"""From this ambiguity on a choice is shown as doubtful: one in twenty such poses is the wrong one."""
 _EVEN = 0.45
 """From this ambiguity on both poses are said to be equally possible."""
 _SURE = 0.0005
@@ -29,18 +31,31 @@ def is_ambiguous(circle: CircleResult) -> bool:
     return Flag.AMBIGUOUS in circle.flags
 
 
+def is_doubtful(circle: CircleResult) -> bool:
+    """Whether the pose may well be the other one."""
+    return is_ambiguous(circle) or circle.ambiguity >= DOUBTFUL_FROM
+
+
 def choice(circle: CircleResult) -> str:
     """Return what is known of the choice between the candidates."""
     if not circle.candidates:
-        return f"{circle.status}: {circle.reason}" if circle.reason else f"{circle.status}"
+        return f"{circle.status}: {without_advice(circle.reason)}" if circle.reason else f"{circle.status}"
     if len(circle.candidates) == 1:
         return "one pose possible"
     if is_ambiguous(circle):
         other = "" if circle.ambiguity >= _EVEN else f", {percent(circle.ambiguity)} chance of the other"
         return f"ambiguous: two poses possible{other}"
-    settled = f"settled by {_SETTLED_BY[circle.settled_by]}" if circle.settled_by in _SETTLED_BY else ""
-    doubt = f"{percent(circle.ambiguity)} chance of the other pose" if circle.ambiguity >= _SURE else ""
-    return "; ".join(part for part in (settled, doubt) if part) or "settled"
+    cue = _SETTLED_BY.get(circle.settled_by)
+    doubt = f"{percent(circle.ambiguity)} chance of the other pose"
+    if is_doubtful(circle):
+        return f"{doubt}, by {cue}" if cue else doubt
+    settled = f"settled by {cue}" if cue else ""
+    return ", ".join(part for part in (settled, doubt if circle.ambiguity >= _SURE else "") if part) or "settled"
+
+
+def without_advice(reason: str) -> str:
+    """Return a reason without what to set, which is another option at each edge of the program."""
+    return "; ".join(part for part in reason.split("; ") if not part.startswith("set "))
 
 
 def percent(share: float) -> str:
@@ -109,10 +124,18 @@ def summary(circles: Sequence[CircleResult]) -> str:
     targets: dict[int, CircleResult] = {}
     for circle in circles:
         targets.setdefault(circle.instance, circle)
-    kinds = Counter("no pose" if not c.candidates else choice(c).split(",")[0] for c in targets.values())
-    said = "; ".join(words if len(kinds) == 1 else f"{n} {words}" for words, n in kinds.most_common())
-    measured = f"{counted(len(targets), 'target')}, measured by {circles[0].method}"
-    return f"{measured}; {said}" if said and len(kinds) <= 3 else measured
+    kinds = Counter(map(_kind_of_choice, targets.values()))
+    said = ", ".join(words if len(kinds) == 1 else f"{n} {words}" for words, n in kinds.most_common())
+    return f"{counted(len(targets), 'target')}, measured by {circles[0].method}: {said}"
+
+
+def _kind_of_choice(circle: CircleResult) -> str:
+    """Return `choice` in the words that targets have in common."""
+    if not circle.candidates:
+        return "without a pose"
+    if is_doubtful(circle) and not is_ambiguous(circle):
+        return f"with a chance of {percent(DOUBTFUL_FROM)} or more of the other pose"
+    return choice(circle).split(",")[0].replace("ambiguous: two poses possible", "ambiguous (two poses possible)")
 
 
 def _pose(pose: Candidate) -> tuple[str, ...]:

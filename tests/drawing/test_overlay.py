@@ -179,7 +179,7 @@ def legend_colors(result, image=GREY):
     return picture[:-960], body_of(picture)
 
 
-MADE = made_circle()
+MADE = replace(made_circle(), ambiguity=0.01)
 AMBIGUOUS_ONE = replace(MADE, flags=(Flag.AMBIGUOUS,), ambiguity=0.5)
 HALF_SEEN = replace(MADE, contour=MADE.contour[:180])
 WITHOUT_POSE = replace(MADE, candidates=(), status=Status.NO_POSE)

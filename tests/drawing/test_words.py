@@ -17,8 +17,9 @@ SIGMA = replace(made_circle(covariance=np.diag([1e-4, 4e-4, 0.04, 1e-8, 1e-8])),
     ("ambiguity", "flags", "said"),
     [
         (0.0, (), "settled by the hint"),
-        (0.02, (), "settled by the hint; 2 % chance of the other pose"),
-        (0.004, (), "settled by the hint; 0.4 % chance of the other pose"),
+        (0.02, (), "settled by the hint, 2 % chance of the other pose"),
+        (0.004, (), "settled by the hint, 0.4 % chance of the other pose"),
+        (0.24, (), "24 % chance of the other pose, by the hint"),
         (0.5, (Flag.AMBIGUOUS,), "ambiguous: two poses possible"),
         (0.3, (Flag.AMBIGUOUS,), "ambiguous: two poses possible, 30 % chance of the other"),
     ],
@@ -52,5 +53,9 @@ def test_a_caption_says_what_rings_share_once():
 
 def test_the_summary_counts_targets_by_their_choice():
     unsure = replace(MADE, instance=1, flags=(Flag.AMBIGUOUS,), ambiguity=0.5)
-    assert words.summary([MADE]) == "1 target, measured by chen-huang; settled by the hint"
-    assert words.summary([MADE, unsure]).startswith("2 targets, measured by chen-huang; 1 settled by the hint; 1 amb")
+    doubtful = replace(MADE, instance=2, ambiguity=0.24)
+    assert words.summary([MADE]) == "1 target, measured by chen-huang: settled by the hint"
+    assert words.summary([MADE, unsure, doubtful]) == (
+        "3 targets, measured by chen-huang: 1 settled by the hint, 1 ambiguous (two poses possible), "
+        "1 with a chance of 5 % or more of the other pose"
+    )

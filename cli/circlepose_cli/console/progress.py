@@ -67,6 +67,7 @@ class Reporter:
     def __init__(self, *, quiet: bool, verbose: bool, clock: Callable[[], float] = time.monotonic) -> None:
         self.measured = 0
         self.bugs = 0
+        self._targets = 0
         self._ambiguous = 0
         self._with_several = 0
         self._not_measured = 0
@@ -105,9 +106,11 @@ class Reporter:
         status, reason = _outcome(result)
         if status is Status.OK:
             self.measured += 1
-            is_ambiguous = any(Flag.AMBIGUOUS in circle.flags for circle in result.circles)
-            self._ambiguous += is_ambiguous
-            self._with_several += is_ambiguous and len({circle.instance for circle in result.circles}) > 2
+            targets = {circle.instance for circle in result.circles}
+            ambiguous = {circle.instance for circle in result.circles if Flag.AMBIGUOUS in circle.flags}
+            self._targets += len(targets)
+            self._ambiguous += len(ambiguous)
+            self._with_several += bool(ambiguous) and len(targets) > 2
             self._not_measured += result.rejected.get(str(Rejection.BEYOND_COUNT), 0)
         else:
             self.failures[status] += 1
@@ -192,9 +195,12 @@ class Reporter:
             rest = "the rest" if total is None else str(total - self.measured - failed)
             parts.append(f"interrupted: {rest} not done")
         if self._ambiguous:
-            parts.append(f"{self._ambiguous} ambiguous: {self._how_to_settle(counted=counted, coplanar=coplanar)}")
+            of = f" of {self._targets} targets" if self._targets > self.measured else ""
+            how = self._how_to_settle(counted=counted, coplanar=coplanar)
+            parts.append(f"{self._ambiguous}{of} ambiguous: {how}")
         if self._not_measured and not counted:
-            self.note(f"{self._not_measured} more circles like these: --count all")
+            circles = "circle was" if self._not_measured == 1 else "circles were"
+            self.note(f"{self._not_measured} more {circles} found: --count all measures all")
         self.note(", ".join(parts))
         if resumable:
             self.note("the same command with --resume measures only what is left")

@@ -55,7 +55,9 @@ class EstimateRequest:
         Literal[Method, "all"],
         typer.Option(
             "--method",
-            help="How the candidate poses are computed; all compares them.",
+            metavar="METHOD",
+            help="How the candidate poses are computed: chen-huang, chen-huang-contour, kanatani-liu, kabuka-arenas, "
+            "fu-zhou (rings), or all to compare them.",
             rich_help_panel=Group.AMBIGUITY,
         ),
     ] = "chen-huang"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -56,7 +57,12 @@ class Setups:
         """Return the setup for an image's folder; raises when it has no camera or no target."""
         folder = path.parent
         if folder not in self._by_folder:
-            setup = self._find(folder)
+            try:
+                setup = self._find(folder)
+            except UsageError:
+                # A slip in a name is the likelier cause.
+                _check_exists(path)
+                raise
             self._by_folder[folder] = setup
             self._on_new(folder, setup)
         return self._by_folder[folder]
@@ -104,11 +110,18 @@ class Setups:
         raise UsageError(_no_target(folder, camera_file.path))
 
 
+def _check_exists(path: Place) -> None:
+    """Raise `UsageError` where a file of this machine is not there."""
+    if not isinstance(path, RemoteFile) and not os.path.lexists(path):
+        raise UsageError(f"{path}: there is no such file or folder; check the path.")
+
+
 def _described(target: Target) -> str:
-    """Return what sets the scale of all results."""
-    if target.kind == "circle":
-        return f"radius_mm {target.radii_mm[0]:g}"
-    return f"{target.kind}, radii_mm {', '.join(f'{radius:g}' for radius in target.radii_mm)}"
+    """Return what sets the scale of all results, and what settles their ambiguity."""
+    radii = ", ".join(f"{radius:g}" for radius in target.radii_mm)
+    scale = f"radius_mm {radii}" if target.kind == "circle" else f"{target.kind}, radii_mm {radii}"
+    settling = [key for key in ("same_plane", "normal_hint", "up_hint", "facing") if getattr(target, key)]
+    return ", ".join([scale, *settling])
 
 
 def _beside(folder: Place, stem: str) -> Path | None:

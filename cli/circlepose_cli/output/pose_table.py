@@ -22,7 +22,10 @@ _MM, _DEG = "± mm", "± deg"
 _RANKS = {_MM: 1, _DEG: 2}
 """what is left out first: the digits of the numbers say nearly the same"""
 _AMBIGUITY = "ambiguity"
-_STYLES = {"ok": "green", "ambiguous": "yellow", "failed": "red", "other": "dim"}
+_STYLES = {"ok": "green", "doubtful": "yellow", "failed": "red", "other": "dim"}
+_DOUBTFUL_FROM = 0.05
+"""ambiguity from which a pose is shown as doubtful, as in pictures"""
+_CERTAIN = 0.0005
 
 
 def pose_forms(rows: Sequence[Row]) -> tuple[Grid, ...]:
@@ -105,9 +108,9 @@ def _headed(wide: Grid) -> Grid:
 def _stacked(rows: Sequence[Row], title: str) -> Grid:
     """Return a table of two lines a candidate, center and normal, with the names of images above."""
     numbers = _numbers(rows)
-    headers = {"x": ("x mm", "n x"), "y": ("y mm", "n y"), "z": ("z mm", "n z"), "±": (_MM, _DEG)}
+    headers = {"x": ("x mm", "n x"), "y": ("y mm", "n y"), "z": ("z mm", "n z"), "± mm/deg": (_MM, _DEG)}
     columns = {header: [aligned(numbers[each]) for each in both] for header, both in headers.items()}
-    columns = {header: both for header, both in columns.items() if header != "±" or any(map(any, both))}
+    columns = {header: both for header, both in columns.items() if not header.startswith("±") or any(map(any, both))}
     above_all = ["image", *(["method"] if _varies(rows, "method") else [])]
     made = []
     heading = label = ""
@@ -115,13 +118,12 @@ def _stacked(rows: Sequence[Row], title: str) -> Grid:
         new_heading = ", ".join(shown(row[key]) for key in above_all if row.get(key) is not None)
         new_label = " ".join(shown(row[key]) for key in ("instance", "circle") if row.get(key) is not None)
         is_new = new_heading != heading
-        ambiguity = numbers[_AMBIGUITY][place]
         cells = [f"{center[place]}\n{normal[place]}".rstrip("\n") for center, normal in columns.values()]
         texts = (
             new_label if is_new or new_label != label else "",
             "mm\nn" if any(cells) else "",
             *cells,
-            "\n".join(part for part in (ambiguity and f"{_AMBIGUITY} {ambiguity}", ", ".join(_remarks(row))) if part),
+            "\n".join(part for part in (", ".join(_remarks(row)), _doubt(row)) if part),
         )
         style, styles = _styles(_state(row), (len(texts) - 1,))
         made.append(grid.Row(texts, style, styles, new_heading if is_new else ""))
@@ -151,6 +153,14 @@ def _center_sigma(row: Row) -> str:
     return fixed(sigma, decimals(sigma))
 
 
+def _doubt(row: Row) -> str:
+    """Return the ambiguity of a chosen pose that is not certain and is not flagged, in one word."""
+    ambiguity = row.get(_AMBIGUITY)
+    if row.get("chosen") is False or not isinstance(ambiguity, float) or ambiguity < _CERTAIN:
+        return ""
+    return "" if Flag.AMBIGUOUS in _remarks(row) else f"{_AMBIGUITY}={number_text(row, _AMBIGUITY)}"
+
+
 def _varies(rows: Sequence[Row], key: str) -> bool:
     return len({row[key] for row in rows if key in row}) > 1
 
@@ -161,7 +171,9 @@ def _state(row: Row) -> str:
         return "failed"
     if row.get("chosen") is False:
         return "other"
-    return "ambiguous" if Flag.AMBIGUOUS in str(row.get("flags") or "").split(";") else "ok"
+    ambiguity = row.get(_AMBIGUITY)
+    is_doubtful = bool(row.get("flags")) or (isinstance(ambiguity, float) and ambiguity >= _DOUBTFUL_FROM)
+    return "doubtful" if is_doubtful else "ok"
 
 
 def _styles(state: str, colored: Sequence[int]) -> tuple[str, tuple[tuple[int, str], ...]]:

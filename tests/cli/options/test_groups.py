@@ -69,7 +69,6 @@ def test_an_option_is_declared_once_in_the_source(project_root):
 @pytest.mark.parametrize(
     ("option", "choices"),
     [
-        ("method", (*METHODS, "all")),
         ("polarity", POLARITIES),
         ("extraction", EXTRACTIONS),
         ("layout", LAYOUTS),
@@ -81,6 +80,12 @@ def test_choices_are_those_of_the_library(option, choices, capsys, monkeypatch):
     shown = re.sub(r"\s+", " ", capsys.readouterr().out)
     # Older releases of typer have square brackets.
     assert re.search(rf"--{option} [<\[]{re.escape('|'.join(choices))}[>\]]", shown)
+
+
+def test_each_method_is_named_in_the_help(capsys):
+    assert main(["estimate", "--help"]) == 0
+    words = re.findall(r"[\w-]+", re.sub(r"-\s+", "-", capsys.readouterr().out))
+    assert {*METHODS, "all"} <= set(words)
 
 
 def test_target_options_have_the_names_of_the_fields_that_they_replace():
