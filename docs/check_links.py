@@ -49,6 +49,8 @@ def broken(site: Path) -> tuple[list[str], int]:
 
 
 if __name__ == "__main__":
+    if len(sys.argv) != 2:
+        sys.exit("usage: python docs/check_links.py SITE, such as docs/_build/html")
     sentences, number = broken(Path(sys.argv[1]))
     print("\n".join([*sentences, f"{number} links checked, {len(sentences)} broken"]))
     sys.exit(1 if sentences or not number else 0)

@@ -53,7 +53,7 @@ def refuse_foreign(path: str | os.PathLike[str], *, overwrite: bool) -> None:
         raise OutputError(f"{name}: cannot be written ({_why(reason)}).") from None
     if is_foreign:
         raise OutputError(
-            f"{name}: exists and was not written by circlepose; give another name, or --overwrite to replace it."
+            f"{name}: exists and does not bear circlepose's mark; give another name, or --overwrite to replace it."
         )
 
 

@@ -23,8 +23,6 @@ _CSV_HEADERS = (
 )
 _RESULT_COLUMNS = frozenset(
     (
-        "solution",
-        "chosen",
         "sigma_x_mm",
         "sigma_y_mm",
         "sigma_z_mm",
@@ -35,7 +33,7 @@ _RESULT_COLUMNS = frozenset(
         "orientation_difference_deg",
     )
 )
-"""One of these makes a header of chosen columns ours; the others may stand in a user's own truth or labels."""
+"""One of these makes a header of chosen columns ours; `chosen` or a center may stand in a user's own."""
 _PNG = b"\x89PNG\r\n\x1a\n"
 _PNG_HEAD_BYTES = 33
 """of the signature and the chunk IHDR, which comes first"""

@@ -86,6 +86,7 @@ def main(args: Sequence[str] | None = None) -> int:
     if REQUEST in os.environ:
         know_shells()
     process.show_tracebacks(bool(os.environ.get("CIRCLEPOSE_DEBUG")))
+    process.forget_odd_sizes()
     with standard_streams():
         try:
             try:

@@ -251,3 +251,23 @@ def test_what_estimate_writes_agrees_with_itself(run, tmp_path, capsys):
     assert main(["estimate", str(folder), "-o", str(poses)]) == 0
     capsys.readouterr()
     assert run(poses, "--against", poses, "--position-mm", "0", "--normal-deg", "0")[0] == 0
+
+
+@pytest.mark.parametrize("name", ["poses.csv.gz", "poses.tsv.gz", "poses.json.gz", "poses.jsonl.gz"])
+def test_gzipped_tables_are_read(run, folder, tmp_path, name):
+    table = tmp_path / name
+    assert run("estimate", folder, "-o", table)[0] == 0
+    assert run("check", table, "--against", table)[0] == 0
+    content = table.read_bytes()
+    table.write_bytes(content[:-9])
+    code, _, err = run("check", table, "--against", table)
+    assert code == 2
+    assert "is gzipped and" in err
+
+
+def test_parquet_is_named(run, tmp_path):
+    table = tmp_path / "poses.parquet"
+    table.write_bytes(b"PAR1\x00\x01PAR1")
+    code, _, err = run("check", table, "--against", table)
+    assert code == 2
+    assert "is Parquet; expected csv" in err

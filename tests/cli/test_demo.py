@@ -88,7 +88,7 @@ def test_a_file_of_the_demo_that_the_user_replaced_is_kept(demo, run):
     (folder / "target.yaml").write_text("radius_mm: 12\n")
     code, _, err = run("demo")
     assert code == 2
-    assert "target.yaml: exists and was not written by circlepose" in err
+    assert "target.yaml: is no file of a demo" in err
     assert (folder / "target.yaml").read_text() == "radius_mm: 12\n"
 
 
@@ -106,3 +106,31 @@ def test_the_demo_quotes_the_names_of_folders(run, tmp_path, monkeypatch, name):
     assert code == 0
     assert f"circlepose estimate {shlex.quote(name)} --coplanar" in err
     assert (Path(name) / "overlay" / "photo.png").is_file()
+
+
+@pytest.mark.parametrize("name", ["overlay", "overlay/photo.png", "photo.png", "camera.yml"])
+def test_the_demo_writes_through_no_link(demo, run, tmp_path, name):
+    folder, _, _ = demo
+    path = folder / name
+    elsewhere = tmp_path / "elsewhere"
+    path.rename(elsewhere)
+    path.symlink_to(elsewhere)
+    before = elsewhere.read_bytes() if elsewhere.is_file() else {each.name for each in elsewhere.iterdir()}
+    code, _, err = run("demo")
+    assert code == 2
+    assert str(name.rpartition("/")[2]) in err
+    assert before == (elsewhere.read_bytes() if elsewhere.is_file() else {each.name for each in elsewhere.iterdir()})
+
+
+def test_hidden_files_of_the_system_are_not_in_the_way(run, tmp_path):
+    folder = tmp_path / "demo"
+    folder.mkdir()
+    (folder / ".DS_Store").write_bytes(b"mine")
+    assert run("demo", folder)[0] == 0
+
+
+def test_a_folder_named_like_an_option_is_named_in_full(run, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    code, _, err = run("demo", "--", "-x")
+    assert code == 0
+    assert f"estimate {tmp_path / '-x'} --coplanar" in err

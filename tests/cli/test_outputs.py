@@ -35,7 +35,7 @@ def contents(folder):
     return {path: path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
 
 
-FOREIGN = "exists and was not written by circlepose; give another name, or --overwrite to replace it."
+FOREIGN = "exists and does not bear circlepose's mark; give another name, or --overwrite to replace it."
 
 
 @pytest.mark.parametrize(

@@ -73,7 +73,7 @@ def test_columns_are_those_named_in_their_order(run, folder):
     ("args", "message"),
     [
         (["center_z"], "--columns: there is no column 'center_z'; did you mean center_z_mm"),
-        (["image,,chosen"], "--columns: there is no column ''; The columns are: image, instance,"),
+        (["image,,chosen"], "--columns: there is no column ''; the columns are: image, instance,"),
         (["zzzzzz"], "settled_by."),
         (["image,chosen,image"], "--columns: image is there twice."),
         (["image", "--format", "json"], "--columns: goes with csv, tsv, parquet and table; json always has all keys"),
@@ -151,3 +151,11 @@ def test_check_says_which_columns_it_needs(run, folder, tmp_path):
         code, _, err = run("check", poses, "--against", against)
         assert code == 2
         assert "without --columns" in err
+
+
+@pytest.mark.parametrize("header", ["image,chosen", "chosen", "image,circle,chosen", "score,chosen", "solution"])
+def test_labels_of_the_user_are_kept(run, folder, tmp_path, header):
+    labels = tmp_path / "labels.csv"
+    labels.write_text(f"{header}\nmine\n")
+    assert run("estimate", folder, "-o", labels)[0] == 2
+    assert labels.read_text() == f"{header}\nmine\n"

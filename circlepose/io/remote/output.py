@@ -85,7 +85,7 @@ def _refuse_foreign(file: RemoteFile) -> None:
         raise _refused(file, error) from None
     if head and not is_marked(head) and not head.startswith(b"PAR1"):
         raise OutputError(
-            f"{file}: exists and was not written by circlepose; give another name, or --overwrite to replace it."
+            f"{file}: exists and does not bear circlepose's mark; give another name, or --overwrite to replace it."
         )
 
 

@@ -44,7 +44,7 @@ def read_columns(option: str, typed: str) -> tuple[str, ...]:
         if name not in COLUMNS:
             close = get_close_matches(name, COLUMNS, n=3, cutoff=0.5)
             meant = f"did you mean {' or '.join(close)}? " if close else ""
-            raise UsageError(f"{option}: there is no column {name!r}; {meant}The columns are: {', '.join(COLUMNS)}.")
+            raise UsageError(f"{option}: there is no column {name!r}; {meant}the columns are: {', '.join(COLUMNS)}.")
         if name in names[:place]:
             raise UsageError(f"{option}: {name} is there twice.")
     return names

@@ -90,7 +90,7 @@ def _too_large(name: str, error: type[CircleposeError], most_bytes: int) -> Circ
 
 def open_at_once(name: str, flags: int) -> int:
     """Open a file as `open` does; without this flag, opening a pipe waits for someone who writes to it."""
-    return os.open(name, flags | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOCTTY", 0))
+    return os.open(name, flags | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOCTTY", 0), 0o666)
 
 
 def _content(source: Source, error: type[CircleposeError]) -> tuple[str | bytes, str]:

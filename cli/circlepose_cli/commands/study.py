@@ -126,7 +126,7 @@ def gcc(
     overwrite: declared.Overwrite = False,
     verbose: declared.Verbose = False,
 ) -> None:
-    """Deviation of GCC, Fig. 9 of Fu & Zhou 2019.
+    """Deviation of GCC, Figure 9 of Fu & Zhou 2019.
 
     How far the generatrix of the right pair of candidates, and of the other one, is from the part's: bosses and
     recesses rendered at random poses.

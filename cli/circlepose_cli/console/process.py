@@ -32,3 +32,11 @@ def use_one_thread() -> None:
     """
     for library in ("OPENBLAS", "OMP", "MKL"):
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+
+
+def forget_odd_sizes() -> None:
+    """Drop a size of the terminal from the environment that is no number: Rich would end at some of them."""
+    for name in ("COLUMNS", "LINES"):
+        size = os.environ.get(name)
+        if size is not None and not (size.isascii() and size.isdigit()):
+            del os.environ[name]

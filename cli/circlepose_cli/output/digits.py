@@ -16,8 +16,8 @@ SIGMA_OF: Mapping[str, str] = {
 _USUAL: Mapping[str, int] = {"mm": 3, "px": 2, "deg": 3}
 _USUAL_WITHOUT_UNIT = 3
 _USUAL_OF_NORMAL = 4
-_MOST = 4
-_MOST_OF_NORMAL = 6
+_MOST = 6
+"""as many as the data formats have"""
 
 
 def number_text(row: Row, column: str) -> str:
@@ -31,11 +31,11 @@ def number_text(row: Row, column: str) -> str:
     if not isinstance(sigma, float):
         return fixed(value, usual)
     if is_normal:
-        return fixed(value, decimals(math.radians(sigma), usual, _MOST_OF_NORMAL))
-    return fixed(value, decimals(sigma, usual, _MOST))
+        return fixed(value, decimals(math.radians(sigma), usual))
+    return fixed(value, decimals(sigma, usual))
 
 
-def decimals(sigma: float, usual: int = _USUAL["mm"], most: int = _MOST) -> int:
+def decimals(sigma: float, usual: int = _USUAL["mm"]) -> int:
     """Return how many decimals show two digits of `sigma`; `usual` where it says nothing."""
     if not 0.0 < sigma < math.inf:
         return usual
@@ -43,7 +43,7 @@ def decimals(sigma: float, usual: int = _USUAL["mm"], most: int = _MOST) -> int:
     # 0.0999 is 0.10 in two digits.
     if round(sigma, places) >= 10.0 ** (2 - places):
         places -= 1
-    return min(max(places, 0), most)
+    return min(max(places, 0), _MOST)
 
 
 def aligned(cells: Sequence[str]) -> list[str]:

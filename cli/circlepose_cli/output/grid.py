@@ -44,6 +44,8 @@ class Row:
     """number of a column, and the style of its cell"""
     heading: str = ""
     """a line of its own above the row"""
+    whole: tuple[str, ...] = ()
+    """the cells before repeats were blanked, where they were"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -243,7 +245,7 @@ def _list_lines(grid: Grid, width: int) -> Iterator[Line]:
         if number:
             yield Text()
         styles = dict(row.styles)
-        for n, (column, cell) in enumerate(zip(grid.columns, row.cells, strict=True)):
+        for n, (column, cell) in enumerate(zip(grid.columns, row.whole or row.cells, strict=True)):
             if not cell.strip():
                 continue
             style = styles.get(n, row.style)
@@ -265,6 +267,6 @@ def without_repeats(rows: Sequence[Row], columns: int) -> tuple[Row, ...]:
         same = 0
         while same < min(columns, len(above)) and row.cells[same] == above[same]:
             same += 1
-        made.append(replace(row, cells=("",) * same + row.cells[same:]))
+        made.append(replace(row, cells=("",) * same + row.cells[same:], whole=row.cells))
         above = row.cells
     return tuple(made)

@@ -98,7 +98,11 @@ def _headed(wide: Grid) -> Grid:
     """Return the table `wide` with the images, its first column, on lines of their own."""
     rows = tuple(
         replace(
-            row, cells=row.cells[1:], heading=row.cells[0], styles=tuple((n - 1, style) for n, style in row.styles)
+            row,
+            cells=row.cells[1:],
+            whole=(),
+            heading=row.cells[0],
+            styles=tuple((n - 1, style) for n, style in row.styles),
         )
         for row in wide.rows
     )

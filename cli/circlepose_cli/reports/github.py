@@ -26,7 +26,8 @@ def workflow_commands(comparison: Comparison, level: Level) -> Iterator[str]:
         yield f"::{level} file={_property(quoted(each.image))},title={_property(title)}::{_message(_sentence(each))}"
     left_out = len(differences) - len(shown)
     if left_out:
-        yield f"::{level} title=circlepose check::{left_out} more differences; the step summary lists them"
+        where = "the step summary, if there is one, and --format csv list them"
+        yield f"::{level} title=circlepose check::{left_out} more differences; {where}"
 
 
 def summary(comparison: Comparison, outcome: str) -> str:

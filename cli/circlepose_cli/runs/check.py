@@ -13,7 +13,7 @@ from circlepose.io.inputs.images import STDIN
 from circlepose.io.output_conflicts import Outputs
 from circlepose.io.tables.reader import PoseFile, read_pose_file
 from circlepose.io.text.escaping import printable
-from circlepose.io.text.source import MAX_TABLE_BYTES, read_regular
+from circlepose.io.text.source import MAX_TABLE_BYTES, open_at_once, read_regular
 from circlepose_cli.options.declared import CheckFormat, FormatChoice
 from circlepose_cli.options.requests import CheckRequest
 from circlepose_cli.output.destination import open_output
@@ -77,7 +77,8 @@ def _write_for_github(comparison: Comparison, outcome: str, request: CheckReques
     if path is None:
         return
     try:
-        with path.open("a", encoding="utf-8") as handle:
+        # A pipe would be waited for.
+        with open(path, "a", encoding="utf-8", opener=open_at_once) as handle:
             handle.write(summary(comparison, outcome))
     except (OSError, ValueError) as error:
         # The verdict on the poses stands without it.

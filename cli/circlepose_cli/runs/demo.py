@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import shlex
+import stat
 import sys
 from importlib.resources import as_file, files
 from pathlib import Path
@@ -21,6 +23,7 @@ from circlepose_cli.output.results import write_output
 
 _PHOTO = "photo.png"
 _TRUTH = "truth.csv"
+_FILES = (_PHOTO, "camera.yml", "target.yaml", _TRUTH)
 _OVERLAY = "overlay"
 _BUG = 1
 _TWO_POSES = (
@@ -32,6 +35,9 @@ _TWO_POSES = (
 
 def run(folder: Path) -> int:
     """Make the demo's folder, measure what is in it, and return the exit code."""
+    if str(folder).startswith("-"):
+        # The commands that are printed would take it for an option, or for standard input.
+        folder = Path.cwd() / folder
     _check_folder(folder)
     with as_file(files("circlepose.io.scenes") / "demo.yaml") as scene:
         written = render_to_folder(scene, folder)
@@ -48,21 +54,31 @@ def run(folder: Path) -> int:
 
 
 def _check_folder(folder: Path) -> None:
-    """Raise `UsageError` where `folder` holds what no demo wrote."""
+    """Raise `UsageError` where `folder` holds what no demo wrote, or leads elsewhere."""
     try:
-        names = sorted(entry.name for entry in folder.iterdir())
+        names = sorted(entry.name for entry in folder.iterdir() if not entry.name.startswith("."))
     except FileNotFoundError:
         return
     except OSError as reason:
         raise OutputError(f"{folder}: cannot be made a folder ({reason.strerror}).") from None
-    try:
-        is_ours = bears_mark(folder / _PHOTO)
-    except OSError:
-        is_ours = False
-    if names and not is_ours:
+    if names and not _is_empty_or_ours(folder / _PHOTO) and not set(names) <= {*_FILES, _OVERLAY}:
         raise UsageError(
             f"{folder}: is not empty (it holds {names[0]}) and no demo was written there; name another folder."
         )
+    if (folder / _OVERLAY).is_symlink():
+        raise UsageError(f"{folder / _OVERLAY}: is a link, which the demo does not follow; name another folder.")
+    for path in (*(folder / name for name in _FILES), folder / _OVERLAY / _PHOTO):
+        if os.path.lexists(path) and not _is_empty_or_ours(path):
+            raise UsageError(f"{path}: is no file of a demo; move it away, or name another folder.")
+
+
+def _is_empty_or_ours(path: Path) -> bool:
+    """Return whether a regular file, not a link to one, is empty or bears our mark."""
+    try:
+        status = path.lstat()
+        return stat.S_ISREG(status.st_mode) and (status.st_size == 0 or bears_mark(path))
+    except OSError:
+        return False
 
 
 def _measured(folder: Path) -> ImageResult:

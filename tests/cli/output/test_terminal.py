@@ -263,3 +263,11 @@ def test_a_report_in_words_is_broken_between_words(width):
     assert fitted(REPORT, io.StringIO()) == REPORT
     if width == 60:
         assert {line[:12].strip() for line in lines} == {"image", "levels", "uncertainty", ""}
+
+
+@pytest.mark.parametrize("size", ["²", "٣", "-5", "80x", ""])
+def test_a_size_that_is_no_number_is_passed_over(tmp_path, size):
+    folder = disc_folder(tmp_path / "imgs", 1)
+    environ = {**environment(), "COLUMNS": size, "LINES": size}
+    command = [*COMMAND, "estimate", "-q", str(folder), "--format", "table"]
+    assert subprocess.run(command, env=environ, timeout=60, check=False, stdout=subprocess.DEVNULL).returncode == 0
