@@ -15,7 +15,7 @@ from circlepose._typing import FloatArray
 from circlepose.errors import CalibrationError
 from circlepose.io.calibration.cameras import listed
 from circlepose.io.marks import COMMENT
-from circlepose.io.text.yaml import MatrixNode, load_yaml, no_keys
+from circlepose.io.text.yaml import MAX_DEPTH, MatrixNode, load_yaml, no_keys
 
 _DEPTH = 6
 _MATRIX_TYPES = ("opencv-matrix", "opencv-nd-matrix")
@@ -85,7 +85,7 @@ def storage_text(entries: Mapping[str, int | str | FloatArray]) -> str:
 
 def _parse_json(text: str, name: str) -> object:
     try:
-        return json.loads(_JSON_QUIRK.sub(_plain_json, text), object_pairs_hook=_json_object)
+        document = json.loads(_JSON_QUIRK.sub(_plain_json, text), object_pairs_hook=_json_object)
     except RecursionError:
         raise CalibrationError(f"{name}: is nested too deeply.") from None
     except json.JSONDecodeError as reason:
@@ -94,6 +94,20 @@ def _parse_json(text: str, name: str) -> object:
         ) from None
     except ValueError as reason:
         raise CalibrationError(f"{name}: {reason}.") from None
+    if _is_deep(document):
+        raise CalibrationError(f"{name}: is nested too deeply.")
+    return document
+
+
+def _is_deep(document: object) -> bool:
+    """Whether lists and mappings stand in one another deeper than YAML's may; how deep JSON reads depends on Python."""
+    level = [document]
+    for _ in range(MAX_DEPTH):
+        inner = [each.values() if isinstance(each, dict) else each for each in level if isinstance(each, dict | list)]
+        level = [child for each in inner for child in each if isinstance(child, dict | list)]
+        if not level:
+            return False
+    return True
 
 
 def _plain_json(match: re.Match[str]) -> str:

@@ -23,7 +23,7 @@ _IS_COMPILED = bool(yaml.__with_libyaml__)
 MAX_VALUES = 150_000 if _IS_COMPILED else 15_000
 """Numbers, texts, lists and mappings in a file; a calibration with all the points that it was made from has fewer."""
 MAX_CHARACTERS = 10_000_000 if _IS_COMPILED else 1_000_000
-_MAX_DEPTH = 50
+MAX_DEPTH = 50
 """Lists and mappings in one another; a camchain has four."""
 
 
@@ -52,7 +52,7 @@ class _Composer(Composer):
         before = self._values
         self._values += 1
         self._depth += 1
-        if self._depth > _MAX_DEPTH:
+        if self._depth > MAX_DEPTH:
             raise yaml.composer.ComposerError(problem="nested too deeply")
         node = super().compose_node(parent, index)
         self._depth -= 1
