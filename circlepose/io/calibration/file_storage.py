@@ -100,7 +100,7 @@ def _parse_json(text: str, name: str) -> object:
 
 
 def _is_deep(document: object) -> bool:
-    """Whether lists and mappings stand in one another deeper than YAML's may; how deep JSON reads depends on Python."""
+    """Whether lists and mappings are nested deeper than those of YAML may be. Python's own limit varies."""
     level = [document]
     for _ in range(MAX_DEPTH):
         inner = [each.values() if isinstance(each, dict) else each for each in level if isinstance(each, dict | list)]
