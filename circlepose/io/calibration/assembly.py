@@ -19,6 +19,7 @@ from circlepose.io.calibration.keys import (
     near_name,
     pair_of,
 )
+from circlepose.io.calibration.leftovers import refuse_order, refuse_unused
 from circlepose.io.calibration.lens_models import plain
 from circlepose.io.text.validation import brief, some_keys
 
@@ -60,9 +61,12 @@ def assemble(fields: _Fields, where: str, *, is_storage: bool = False) -> Readin
     size, turned = _size(fields, where, matrix)
     notes += said + turned
     camera = numbers.build_camera(where, (matrix_key, matrix), (dist_key, dist), size, model or "pinhole")
+    refuse_order(fields, where, camera)
+    unread = [each for each in fields if not each.role]
+    refuse_unused(unread, where, camera, is_model_stated=model is not None)
     if camera.camera_matrix[0, 1]:
         notes += (f"the skew of {camera.camera_matrix[0, 1]:g} px is used: x = fx u + skew v + cx",)
-    unused = [each.path for each in fields if not each.role and each.name not in _HARMLESS]
+    unused = [each.path for each in unread if each.name not in _HARMLESS]
     if unused and not is_storage:
         notes += (f"not used: {some_keys(unused)}",)
     errors = {each.path: numbers.number(each.value, where, each.path) for each in fields if each.role == "error"}

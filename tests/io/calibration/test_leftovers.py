@@ -1,0 +1,174 @@
+"""Keys that no form uses though they change the camera: each is refused by its name, and a neutral value is not."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+
+from circlepose.errors import CalibrationError
+from circlepose.io.calibration.reader import CameraFile, read_camera_file
+
+FLAT = {"fx": 905.5, "fy": 907.0, "cx": 640.25, "cy": 355.75}
+K = [[905.5, 0.0, 640.25], [0.0, 907.0, 355.75], [0.0, 0.0, 1.0]]
+D4 = [-0.06, 0.02, 0.001, -0.002]
+D5 = [*D4, 0.01]
+ONE_FOCAL = {"focal_length": 905.5, "principal_point": [640.0, 360.0]}
+
+
+def read(entries: Any) -> CameraFile:
+    return read_camera_file(json.dumps(entries).encode())
+
+
+def refused(entries: Any, key: str) -> str:
+    """Return the sentence on `entries`, which names the file and the key."""
+    content = entries if isinstance(entries, bytes) else json.dumps(entries).encode()
+    with pytest.raises(CalibrationError) as caught:
+        read_camera_file(content)
+    sentence = str(caught.value)
+    assert sentence.startswith("<bytes>")
+    assert key in sentence
+    assert sentence[-1] in ".?"
+    return sentence
+
+
+# --- A fisheye that is stated is never read as a pinhole ---
+
+
+@pytest.mark.parametrize(
+    "stated",
+    [
+        *({"fisheye": word} for word in ("true", "yes", "True", True, 1)),
+        *({"is_fisheye": "1"}, {"use_fisheye": "on"}, {"fisheye_lens": True}, {"fisheye_camera": 1}),
+        *({key: "fisheye"} for key in ("calibration_type", "calib_model", "calibration_model", "intrinsic_type")),
+    ],
+    ids=str,
+)
+def test_a_fisheye_that_a_key_states_is_read_as_one(stated: dict[str, object]) -> None:
+    camera = read({"K": K, "D": D4, **stated}).camera
+    assert camera.model == "fisheye"
+    assert camera.dist_coeffs.tolist() == D4
+
+
+@pytest.mark.parametrize("group", ["fisheye", "fisheye_params", "fisheyeCamera", "equidistant", "kannala_brandt"])
+@pytest.mark.parametrize("outside", [{}, {"K": K}])
+def test_a_fisheye_that_a_group_states_is_read_as_one(group: str, outside: dict[str, object]) -> None:
+    inside = {"K": K, "D": D4}
+    camera = read({**outside, group: {key: each for key, each in inside.items() if key not in outside}}).camera
+    assert camera.model == "fisheye"
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("camera", "fisheye"),
+        ("flags", "fisheye"),
+        ("flags", ["CALIB_FIX_SKEW", "fisheye"]),
+        ("method", "cv2.fisheye.calibrate"),
+        ("lens_type", "wide-angle fisheye"),
+        ("projection_of_lens", "Kannala-Brandt"),
+        ("name", "fisheye_left"),
+        ("fisheye", "maybe"),
+        ("equidistant", True),
+    ],
+)
+def test_a_fisheye_that_is_stated_otherwise_is_refused(key: str, value: object) -> None:
+    assert "fisheye lens" in refused({"K": K, "D": D4, key: value}, f"{key}: ")
+
+
+@pytest.mark.parametrize("value", ["false", "no", "0", "off", 0, False])
+def test_what_is_stated_to_be_no_fisheye_is_a_pinhole(value: object) -> None:
+    assert read({"K": K, "D": D4, "fisheye": value}).camera.model == "pinhole"
+
+
+def test_the_name_of_a_camera_states_no_lens_model_beside_one_that_is_stated() -> None:
+    assert read({"K": K, "D": D5, "model": "pinhole", "name": "fisheye_left"}).camera.model == "pinhole"
+
+
+def test_a_group_that_contradicts_the_model_is_refused() -> None:
+    refused({"fisheye": {"fx": 905.5, "fy": 907.0, "cx": 640.0, "cy": 356.0, "D": D5, "model": "pinhole",
+                         "distortion_model": "radtan"}}, "contradict")  # fmt: skip
+
+
+def test_a_lens_profile_of_gyroflow_is_a_fisheye_and_names_its_device() -> None:
+    sides = {"w": 1280, "h": 720}
+    profile = {
+        "name": "HERO8 Black Linear",
+        "camera_model": "HERO8 Black",
+        "lens_model": "Linear",
+        "calib_dimension": sides,
+        "orig_dimension": {"w": 2560, "h": 1440},
+        "output_dimension": sides,
+        "input_horizontal_stretch": 1.0,
+        "fisheye_params": {"RMS_error": 0.4, "camera_matrix": K, "distortion_coeffs": D4},
+    }
+    camera = read(profile).camera
+    assert (camera.model, camera.image_size) == ("fisheye", (1280, 720))
+    assert "1.33" in refused({**profile, "input_horizontal_stretch": 1.33}, "input_horizontal_stretch")
+
+
+# --- The shape of a pixel ---
+
+
+@pytest.mark.parametrize("key", ["pixel_aspect_ratio", "aspect_ratio", "pixelRatio"])
+def test_pixels_that_are_not_square_are_refused(key: str) -> None:
+    assert "fx and fy" in refused({**ONE_FOCAL, key: 1.1}, key)
+    assert read({**ONE_FOCAL, key: 1.0}).camera.camera_matrix[1, 1] == 905.5
+
+
+def test_an_aspect_ratio_that_fx_and_fy_show_is_neutral() -> None:
+    stated = {**FLAT, "fx": 1000.0, "fy": 1100.0, "aspect_ratio": 1.1}
+    assert read(stated).camera.camera_matrix[1, 1] == 1100.0
+    assert read({**FLAT, "image_size": [1280, 720], "aspect_ratio": "16:9"}).camera.image_size == (1280, 720)
+
+
+# --- Units, scales, crops and origins ---
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "neutral"),
+    [
+        *(("binning_x", 2, 1), ("binning", "2x2", "1x1"), ("roi", {"x_offset": 100}, {"x_offset": 0, "width": 640})),
+        *(("roi", [100, 50, 640, 480], [0, 0, 640, 480]), ("crop", [10, 10, 90, 90], None), ("offset_x", 8, 0)),
+        *(
+            ("focal_unit", "mm", "px"),
+            ("unit", "mm", "pixels"),
+            ("units", {"focal_length": "mm"}, {"baseline": "mm"}),
+        ),
+        *(("pixel_origin", 1, 0), ("pixel_center", 0.5, 0), ("half_pixel", True, False), ("normalized", True, False)),
+        *(("scale", 0.5, 1), ("image_scale", [0.5, 0.5], [1, 1]), ("downsample", 2, 1), ("scale", "half", "full")),
+    ],
+)
+def test_what_changes_the_image_is_refused(key: str, value: object, neutral: object) -> None:
+    refused({"K": K, "D": D5, key: value}, f" {key}")
+    assert read({"K": K, "D": D5, key: neutral}).camera.dist_coeffs.tolist() == D5
+
+
+def test_scales_of_depths_and_regions_of_undistorted_images_do_not_matter() -> None:
+    harmless = {"scale": 6553.5, "depth_scale": 0.001, "newcameramtx": K, "roi": [10, 20, 600, 440]}
+    assert read({"K": K, "D": D5, **harmless}).camera.dist_coeffs.tolist() == D5
+
+
+# --- Distortion under names that are not known, or in another order ---
+
+
+@pytest.mark.parametrize("start", [FLAT, {"K": K}], ids=["terms", "matrix"])
+@pytest.mark.parametrize(
+    ("key", "value"), [("kc", D5), ("kappa1", 0.1), ("lens_params", [0.1]), ("poly", [0.1, 0.2]), ("a3", -0.1)]
+)
+def test_distortion_of_any_name_is_refused(start: dict[str, object], key: str, value: object) -> None:
+    assert "looks like distortion" in refused({**start, key: value}, key)
+    neutral = [0.0] if isinstance(value, list) else 0.0
+    assert not read({**start, key: neutral}).camera.dist_coeffs.any()
+
+
+def test_t1_and_t2_beside_k1_are_refused() -> None:
+    assert "p1, p2" in refused({**FLAT, "k1": -0.1, "k2": 0.01, "t1": 0.001, "t2": 0.0}, "t1")
+
+
+@pytest.mark.parametrize("names", [["k1", "k2", "k3", "p1", "p2"], "k1, k2, k3, p1, p2"], ids=["list", "text"])
+def test_coefficients_in_another_order_are_refused(names: object) -> None:
+    assert "order" in refused({"K": K, "D": D5, "distortion_names": names}, "distortion_names")
+    ours = ["k1", "k2", "p1", "p2", "k3"]
+    assert read({"K": K, "D": D5, "distortion_names": ours}).camera.dist_coeffs.tolist() == D5
