@@ -172,3 +172,45 @@ def test_coefficients_in_another_order_are_refused(names: object) -> None:
     assert "order" in refused({"K": K, "D": D5, "distortion_names": names}, "distortion_names")
     ours = ["k1", "k2", "p1", "p2", "k3"]
     assert read({"K": K, "D": D5, "distortion_names": ours}).camera.dist_coeffs.tolist() == D5
+
+
+# --- Kalibr ---
+
+KALIBR = {"camera_model": "pinhole", "intrinsics": [905.5, 907.0, 640.25, 355.75], "resolution": [1280, 720]}
+RADTAN = {**KALIBR, "distortion_model": "radtan", "distortion_coeffs": D4}
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        *((key, D4) for key in ("dist_coeffs", "distortion", "distortion_parameters", "distortion_coefs", "D")),
+        *(("k1", -0.06), ("distortion", {"type": "radial-tangential", "parameters": D4}), ("fisheye", True)),
+        *(("binning", 2), ("xi", 0.9), ("focal_unit", "mm"), ("lens_model", "equidistant")),
+    ],
+)
+@pytest.mark.parametrize("start", [KALIBR, RADTAN], ids=["without", "radtan"])
+@pytest.mark.parametrize("is_nested", [False, True])
+def test_kalibr_drops_no_key_that_matters(start: dict[str, object], key: str, value: object, is_nested: bool) -> None:
+    entries = {**start, key: value}
+    refused({"cam0": entries} if is_nested else entries, key)
+
+
+def test_kalibr_passes_over_what_does_not_matter() -> None:
+    harmless = {"T_cam_imu": [[1, 0, 0, 0]] * 4, "rostopic": "/fisheye/image", "cam_overlaps": [1], "rate_hz": 20,
+                "timeshift_cam_imu": 0.01, "comment": "left", "k1": 0.0}  # fmt: skip
+    assert read({"cam0": {**RADTAN, **harmless}}).camera.dist_coeffs.tolist() == D4
+
+
+def test_kalibr_without_a_distortion_model_is_remarked_on() -> None:
+    assert any("distortion_model is missing" in note for note in read({"cam0": KALIBR}).notes)
+    assert not read({"cam0": RADTAN}).notes
+
+
+def test_kalibr_with_coefficients_twice_is_refused() -> None:
+    refused({**RADTAN, "distortion_coefficients": D4}, "distortion_coeffs, distortion_coefficients")
+
+
+def test_a_distortion_that_stands_as_the_camera_model_is_read() -> None:
+    entries = {"camera_model": "plumb_bob", "distortion_coeffs": D5, "intrinsics": KALIBR["intrinsics"]}
+    assert read(entries).camera.dist_coeffs.tolist() == D5
+    assert read({**entries, "camera_model": "fisheye", "distortion_coeffs": D4}).camera.model == "fisheye"
