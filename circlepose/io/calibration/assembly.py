@@ -19,7 +19,7 @@ from circlepose.io.calibration.keys import (
     near_name,
     pair_of,
 )
-from circlepose.io.calibration.leftovers import refuse_order, refuse_unused
+from circlepose.io.calibration.leftovers import is_something, refuse_order, refuse_unused
 from circlepose.io.calibration.lens_models import plain
 from circlepose.io.text.validation import brief, some_keys
 
@@ -87,14 +87,14 @@ def _check_unknown(fields: _Fields, where: str) -> None:
     compared = 0
     for field in fields:
         key = field.path.rpartition(".")[2]
-        if field.role == "stray" and _is_something(field.value):
+        if field.role == "stray" and is_something(field.value):
             raise CalibrationError(
                 f"{where}: {field.path}: it is not clear of which camera this distortion is; put it to the keys of "
                 "its camera, or name it as the camera matrix is named (K1, D1)."
             )
         if field.role:
             continue
-        if looks_like_distortion(field) and _is_something(field.value):
+        if looks_like_distortion(field) and is_something(field.value):
             near = near_name(key, 0.7)
             hint = (
                 f"did you mean {near}?"
@@ -114,15 +114,6 @@ def _check_unknown(fields: _Fields, where: str) -> None:
             )
         if near is not None:
             raise CalibrationError(f"{where}: {brief(field.path)}: is no known key; did you mean {near}?")
-
-
-def _is_something(value: object) -> bool:
-    """Whether a value holds a number other than 0."""
-    if isinstance(value, Mapping):
-        return any(_is_something(each) for key, each in value.items() if key not in ("rows", "cols", "sizes", "dt"))
-    if isinstance(value, list):
-        return any(_is_something(each) for each in value)
-    return isinstance(value, int | float) and not isinstance(value, bool) and value != 0
 
 
 # --- The camera matrix ---

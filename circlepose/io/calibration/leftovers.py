@@ -22,6 +22,7 @@ from circlepose.io.calibration.keys import (
     is_neutral,
     looks_like_distortion,
     says_fisheye,
+    truth,
 )
 from circlepose.io.calibration.lens_models import lens_model, plain
 from circlepose.io.text.validation import brief
@@ -121,9 +122,10 @@ def _reasons(field: Field, camera: Camera, is_model_stated: bool, is_new: bool) 
     """Yield why a key that was not used matters, and what to do, as the end of a sentence."""
     value, name = field.value, field.name
     given = shown(value)
-    if (field.role in (*DISTORTION_ROLES, "stray") or looks_like_distortion(field)) and _is_something(value):
+    is_distortion = field.role in (*DISTORTION_ROLES, "stray") or looks_like_distortion(field)
+    if is_distortion and (is_something(value) or _is_table(field)):
         yield f"looks like distortion ({given}), and files of this form have it elsewhere; move it, or remove it"
-    if field.role in ("skew", "alpha") and _is_something(value):
+    if field.role in ("skew", "alpha") and is_something(value):
         yield f"is a skew of {given}, which is not read from files of this form; give camera_matrix and dist_coeffs"
     if camera.model == "pinhole" and says_fisheye(field) and not (is_model_stated and _NAME_OF.fullmatch(name)):
         yield (
@@ -145,6 +147,14 @@ def _reasons(field: Field, camera: Camera, is_model_stated: bool, is_new: bool) 
         )
     if _ASPECT.fullmatch(name) and _is_aspect(name, value, camera):
         yield f"is {given}; expected square pixels, or fx and fy; give fx and fy in px, and remove this key"
+
+
+def _is_table(field: Field) -> bool:
+    """Whether a text may hold the distortion, as a table in base64 does; not the names of its parts, nor a file's."""
+    value = field.value
+    if not isinstance(value, str) or field.role == "model" or _names_of(field) or _NAME_OF.fullmatch(field.name):
+        return False
+    return not _is_plain(value) and truth(value) is None
 
 
 def _states_other_model(field: Field, camera: Camera) -> bool:
@@ -222,12 +232,12 @@ def _number(value: object) -> float | None:
     return number if math.isfinite(number) else None
 
 
-def _is_something(value: object) -> bool:
+def is_something(value: object) -> bool:
     """Whether a value holds a number other than 0, if in a text."""
     if isinstance(value, Mapping):
-        return any(_is_something(each) for key, each in value.items() if key not in ("rows", "cols", "sizes", "dt"))
+        return any(is_something(each) for key, each in value.items() if key not in ("rows", "cols", "sizes", "dt"))
     if isinstance(value, list):
-        return any(map(_is_something, value))
+        return any(map(is_something, value))
     if isinstance(value, float) and not math.isfinite(value):
         return True
     return bool(_number(value))

@@ -214,3 +214,43 @@ def test_a_distortion_that_stands_as_the_camera_model_is_read() -> None:
     entries = {"camera_model": "plumb_bob", "distortion_coeffs": D5, "intrinsics": KALIBR["intrinsics"]}
     assert read(entries).camera.dist_coeffs.tolist() == D5
     assert read({**entries, "camera_model": "fisheye", "distortion_coeffs": D4}).camera.model == "fisheye"
+
+
+# --- Open3D ---
+
+OPEN3D = {"width": 640, "height": 480, "intrinsic_matrix": [610.0, 0, 0, 0, 612.0, 0, 318.5, 241.25, 1.0]}
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        *(
+            ("k1", -0.3),
+            ("D", D5),
+            ("radial_distortion", [0.1]),
+            ("distortion_params", {"k1": 0.1}),
+            ("fisheye", True),
+        ),
+        *(("distortion_model", "kannala_brandt4"), ("distortion_model", "fisheye"), ("distortion_model", "division")),
+        *(("lensDistortionLookupTable", "AAAAAD8AAAA/gAAA"), ("lensDistortionLookupTable", [0.0, 0.001, 0.002])),
+        *(("lensDistortionCenter", [318.0, 241.0]), ("skew", 0.5), ("unit", "mm"), ("depth_model", "kannala brandt")),
+    ],
+)
+@pytest.mark.parametrize("place", ["flat", "beside", "within"])
+@pytest.mark.parametrize("coefficients", [{}, {"distortion_coefficients": D4}], ids=["without", "with"])
+def test_open3d_drops_no_key_that_matters(
+    key: str, value: object, place: str, coefficients: dict[str, object]
+) -> None:
+    intrinsic = {**OPEN3D, **coefficients}
+    entries = {
+        "flat": {**intrinsic, key: value},
+        "beside": {"intrinsic": intrinsic, key: value},
+        "within": {"intrinsic": {**intrinsic, key: value}},
+    }
+    refused(entries[place], key)
+
+
+def test_open3d_passes_over_what_does_not_matter() -> None:
+    harmless = {"class_name": "PinholeCameraIntrinsic", "version_major": 1, "depth_scale": 1000.0, "fps": 30}
+    harmless |= {"serial_number": "1234", "color_format": "MJPG", "k1": 0.0, "distortion_model": "plumb_bob"}
+    assert read({**OPEN3D, **harmless}).camera.image_size == (640, 480)
