@@ -214,7 +214,7 @@ def _size(
             continue
         first, second = _pair(field, where)
         size = numbers.image_size(first, second, where, field.path)
-        is_turned = field.role == "shape" or _is_turned(size, matrix)
+        is_turned = field.role == "shape" or is_height_first(size, matrix)
         if is_turned:
             size = size[1], size[0]
             why = "as NumPy's shape" if field.role == "shape" else "as the principal point shows"
@@ -243,8 +243,8 @@ def _pair(field: Field, where: str) -> tuple[object, object]:
     return first, second
 
 
-def _is_turned(size: tuple[int, int], matrix: FloatArray | list[list[float]]) -> bool:
-    """Whether the principal point is in the middle of the image of (height, width), and far from that of `size`."""
+def is_height_first(size: tuple[int, int], matrix: FloatArray | list[list[float]]) -> bool:
+    """Return whether the principal point is in the middle of (height, width), and far from that of `size`."""
     point = float(matrix[0][2]), float(matrix[1][2])
 
     def offsets(width: int, height: int) -> list[float]:

@@ -31,7 +31,7 @@ _FISHEYE_ORDER = ("k1", "k2", "k3", "k4")
 _MOST_OF_ORDER = 200
 _COEFFICIENT = re.compile(r"(?<![a-z0-9])(?:k[1-9]|p[1-9]|s[1-4]|tau_?[xy])(?![a-z0-9])", re.IGNORECASE)
 _NAME_OF = re.compile(
-    r".*(?:name|frame|frameid|topic|file|path|url|uri|dir|folder|note|notes|comments?|description|title|label|id)|"
+    r".*(?:name|frame|frameid|topic|file|path|url|uri|dir|folder|note|notes|comments?|description|title|label|id)s?|"
     r"serial.*"
 )
 """keys whose text names something; a lens model that is stated elsewhere counts before it"""
@@ -83,6 +83,15 @@ def refuse_leftovers(
     rest = {key: value for key, value in entries.items() if key not in used}
     fields = (replace(each, path=prefix + each.path) for each in fields_of(rest))
     refuse_unused(tuple(fields), where, camera, is_model_stated=is_model_stated)
+
+
+def refuse_group(name: str, where: str, camera: Camera) -> None:
+    """Raise `CalibrationError` where the group of keys of a pinhole camera is called a fisheye's."""
+    if camera.model == "pinhole" and says_fisheye(Field(name, "", "", True)):
+        raise CalibrationError(
+            f"{where}: the name of the group states a fisheye lens, but its keys a pinhole camera; correct the lens "
+            "model, or rename the group."
+        )
 
 
 def refuse_unused(fields: Sequence[Field], where: str, camera: Camera, *, is_model_stated: bool) -> None:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import json
 from typing import Any
 
+import numpy as np
 import pytest
 
 from circlepose.errors import CalibrationError
@@ -254,3 +256,91 @@ def test_open3d_passes_over_what_does_not_matter() -> None:
     harmless = {"class_name": "PinholeCameraIntrinsic", "version_major": 1, "depth_scale": 1000.0, "fps": 30}
     harmless |= {"serial_number": "1234", "color_format": "MJPG", "k1": 0.0, "distortion_model": "plumb_bob"}
     assert read({**OPEN3D, **harmless}).camera.image_size == (640, 480)
+
+
+# --- Other forms with open keys ---
+
+INFO = {"image_width": 1280, "image_height": 720, "K": [905.5, 0, 640.25, 0, 907.0, 355.75, 0, 0, 1], "D": D5,
+        "distortion_model": "plumb_bob", "binning_x": 0, "roi": {"x_offset": 0}}  # fmt: skip
+REALSENSE = {"width": 1280, "height": 720, "ppx": 640.25, "ppy": 355.75, "fx": 905.5, "fy": 907.0,
+             "model": "distortion.brown_conrady", "coeffs": D5}  # fmt: skip
+LIMELIGHT = {"RES_X": 1280, "RES_Y": 720, "INTRINSICS_MATRIX": INFO["K"], "DISTORTION_COEFFICIENTS": D5}
+NERFSTUDIO = {"fl_x": 905.5, "fl_y": 907.0, "cx": 640.75, "cy": 356.25, "w": 1280, "h": 720, "k1": -0.06,
+              "frames": [{"file_path": "images/1.png"}]}  # fmt: skip
+ORB_SLAM = {"Camera.type": "PinHole", "Camera1.fx": 905.5, "Camera1.fy": 907.0, "Camera1.cx": 640.25,
+            "Camera1.cy": 355.75}  # fmt: skip
+FORMS = {"ROS": INFO, "RealSense": REALSENSE, "Limelight": LIMELIGHT, "nerfstudio": NERFSTUDIO, "ORB-SLAM": ORB_SLAM}
+
+
+@pytest.mark.parametrize("name", FORMS)
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        *(("distortion", [0.3]), ("k9", 0.1), ("lens_type", "FISHEYE"), ("fisheye", "yes"), ("kappa1", 0.1)),
+        *(("focal_unit", "mm"), ("pixel_origin", 1), ("pixel_aspect_ratio", 1.1), ("image_scale", 0.5)),
+    ],
+)
+def test_no_form_drops_a_key_that_matters(name: str, key: str, value: object) -> None:
+    refused({**FORMS[name], key: value}, key)
+
+
+@pytest.mark.parametrize("name", FORMS)
+def test_harmless_and_neutral_keys_are_passed_over(name: str) -> None:
+    harmless = {"date": "2024-05-01", "rms": 0.2, "k9": 0.0, "fisheye": False, "camera_name": "left", "unit": "px"}
+    assert name in read({**FORMS[name], **harmless}).form
+
+
+@pytest.mark.parametrize(
+    ("entries", "key"),
+    [
+        ({**REALSENSE, "k6": 0.1}, "k6"),
+        ({**LIMELIGHT, "LENS_MODEL": "FISHEYE"}, "LENS_MODEL"),
+        ({**ORB_SLAM, "Camera.k1": 0.3}, "Camera.k1"),
+        ({**ORB_SLAM, "Camera1.distortion": [0.3]}, "Camera1.distortion"),
+        ({**NERFSTUDIO, "camera_model": "OPENCV", "is_fisheye": True}, "is_fisheye"),
+        ({**INFO, "distortion_coefficients": {"rows": 1, "cols": 5, "data": [0.3, 0, 0, 0, 0]}}, "looks like"),
+        ({"fisheye": INFO}, "group"),
+        ({"fisheye": {**RADTAN}}, "group"),
+        ({"fisheye": REALSENSE, "color": REALSENSE}, "group"),
+    ],
+)
+def test_keys_that_one_form_lacks(entries: dict[str, object], key: str) -> None:
+    refused(entries, key)
+
+
+def test_a_scene_has_a_scale_and_a_fisheye_that_is_stated_as_a_number() -> None:
+    assert read({**NERFSTUDIO, "scale": 0.33, "offset": [0.5, 0.5, 0.5], "aabb_scale": 16}).camera.model == "pinhole"
+    assert read({**NERFSTUDIO, "is_fisheye": 1}).camera.model == "fisheye"
+
+
+# --- NumPy arrays ---
+
+
+def archive(**arrays: object) -> bytes:
+    stream = io.BytesIO()
+    np.savez(stream, **{"K": K, "D": D5, **arrays})
+    return stream.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        *(("lens", "fisheye"), ("flags", ["fisheye"]), ("k1", -0.1), ("kc", D5), ("binning", 2), ("unit", "mm")),
+        *(("pixel_aspect_ratio", 1.1), ("scale", 0.5), ("distortion_model", "kannala_brandt")),
+    ],
+)
+def test_archives_drop_no_array_that_matters(key: str, value: object) -> None:
+    refused(archive(fisheye=False, **{key: value}), key)
+
+
+def test_archives_pass_over_points_and_poses() -> None:
+    content = archive(rvecs=np.ones((9, 3, 1)), objpoints=np.ones((9, 54, 3)), ret=0.2, newcameramtx=np.eye(3),
+                      roi=[4, 5, 600, 400], k1=0.0)  # fmt: skip
+    assert read_camera_file(content).camera.dist_coeffs.tolist() == D5
+
+
+def test_the_size_of_an_archive_is_turned_where_the_principal_point_shows_it() -> None:
+    file = read_camera_file(archive(image_size=[720, 1280]))
+    assert file.camera.image_size == (1280, 720)
+    assert any("(height, width)" in note for note in file.notes)
+    refused(archive(image_size=[0, 1280]), "image_size")

@@ -10,7 +10,7 @@ from circlepose.errors import CalibrationError
 from circlepose.io.calibration import numbers
 from circlepose.io.calibration.document import Document
 from circlepose.io.calibration.form import Form, Reading, choose
-from circlepose.io.calibration.leftovers import refuse_leftovers
+from circlepose.io.calibration.leftovers import refuse_group, refuse_leftovers
 from circlepose.io.calibration.lens_models import lens_model, pinhole_coefficients, plain
 
 _RAYS = ("pinhole", "perspective", "none")
@@ -27,7 +27,9 @@ def _read(document: Document, camera_name: str | None) -> Reading:
     """Return one camera of a camchain (`camera_name`, or the first)."""
     cameras = _cameras(document.entries)
     name, notes = choose(sorted(cameras), camera_name, document.name)
-    reading = _camera(cameras[name], f"{document.name}: {name}" if name else document.name)
+    where = f"{document.name}: {name}" if name else document.name
+    reading = _camera(cameras[name], where)
+    refuse_group(name, where, reading.camera)
     return Reading(reading.camera, notes + reading.notes)
 
 
