@@ -29,6 +29,8 @@ _HARMLESS = ("name", "cameraname", "id", "cameraid", "serial", "serialnumber")
 """by which a camera is asked for"""
 FROM_ONE = "if MATLAB wrote it, subtract 1 from cx and cy: MATLAB counts pixels from (1, 1)"
 """remark on a camera matrix that stands column by column"""
+_OF_COLMAP = ("PINHOLE", "OPENCV", "FULL_OPENCV", "OPENCV_FISHEYE")
+_COLMAP = "if COLMAP wrote it, subtract 0.5 from cx and cy: the center of COLMAP's first pixel is (0.5, 0.5)"
 _MOST_COMPARED = 500
 """A key is compared with those that we know in 0.2 ms."""
 _EXPECTED = {
@@ -66,6 +68,8 @@ def assemble(fields: _Fields, where: str, *, is_storage: bool = False) -> Readin
     refuse_unused(unread, where, camera, is_model_stated=model is not None)
     if camera.camera_matrix[0, 1]:
         notes += (f"the skew of {camera.camera_matrix[0, 1]:g} px is used: x = fx u + skew v + cx",)
+    if any(each.role == "model" and each.value in _OF_COLMAP for each in fields):
+        notes += (_COLMAP,)
     unused = [each.path for each in unread if each.name not in _HARMLESS]
     if unused and not is_storage:
         notes += (f"not used: {some_keys(unused)}",)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import gzip
 import io
 import json
 from typing import Any
 
 import numpy as np
 import pytest
+import scipy.io
 
 from circlepose.errors import CalibrationError
 from circlepose.io.calibration.reader import CameraFile, read_camera_file
@@ -344,3 +346,46 @@ def test_the_size_of_an_archive_is_turned_where_the_principal_point_shows_it() -
     assert file.camera.image_size == (1280, 720)
     assert any("(height, width)" in note for note in file.notes)
     refused(archive(image_size=[0, 1280]), "image_size")
+
+
+# --- Files in parts, templates, and conventions of other tools ---
+
+
+def test_a_file_that_is_gzipped_in_parts_is_read_whole() -> None:
+    text = json.dumps({"K": K, "D": D5}).encode()
+    packed = gzip.compress(text[:40]) + gzip.compress(text[40:])
+    assert read_camera_file(packed).camera.dist_coeffs.tolist() == D5
+    assert read_camera_file(packed + bytes(7)).camera.dist_coeffs.tolist() == D5
+    refused(packed + b"and more", "gzipped")
+    refused(packed[:-3], "ends early")
+    refused(gzip.compress(b"") * 1000 + packed, "parts")
+
+
+def test_a_mat_file_that_is_cut_within_an_element_is_damaged() -> None:
+    stream = io.BytesIO()
+    scipy.io.savemat(stream, {"K": np.array(K), "D": np.array([D5]), "width": 1280.0, "height": 720.0})
+    whole = stream.getvalue()
+    assert read_camera_file(whole).camera.image_size == (1280, 720)
+    # The last variable has 72 bytes.
+    for cut in (1, 8, 20, 64, 65, 68, 71):
+        refused(whole[:-cut], "damaged")
+
+
+def test_the_names_of_matlab_need_all_of_matlabs_parts() -> None:
+    entries = {"FocalLength": [905.5, 907.0], "PrincipalPoint": [641.25, 356.75]}
+    assert "RadialDistortion" in refused(entries, "RadialDistortion")
+    camera = read({**entries, "RadialDistortion": [-0.06, 0.02]}).camera
+    assert camera.camera_matrix[:2, 2].tolist() == [640.25, 355.75]
+
+
+def test_models_of_colmap_are_remarked_on() -> None:
+    notes = read({"model": "OPENCV", **FLAT, "k1": -0.06, "k2": 0.02, "p1": 0.001, "p2": -0.002}).notes
+    assert any("subtract 0.5 from cx and cy" in note for note in notes)
+
+
+def test_a_template_of_yaml_is_not_taken_for_a_camera() -> None:
+    text = "base: &b {fx: 905.5, fy: 907.0, cx: 640.25, cy: 355.75}\ncam0: {<<: *b, k1: 0.1}\n"
+    file = read_camera_file(text.encode())
+    assert file.camera.dist_coeffs.tolist() == [0.1, 0.0, 0.0, 0.0]
+    assert any(note.startswith("cam0 taken, of the 2 cameras base, cam0") for note in file.notes)
+    assert not read_camera_file(text.encode(), "base").camera.dist_coeffs.any()
