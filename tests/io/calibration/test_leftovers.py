@@ -371,6 +371,17 @@ def test_a_mat_file_that_is_cut_within_an_element_is_damaged() -> None:
         refused(whole[:-cut], "damaged")
 
 
+@pytest.mark.parametrize(("key", "value"), [("fisheye", 1.0), ("k1", -0.1), ("binning", 2.0), ("kc", D5)])
+def test_mat_files_drop_no_variable_that_matters(key: str, value: object) -> None:
+    for name, each in ((key, value), (key, 0.0)):
+        stream = io.BytesIO()
+        scipy.io.savemat(stream, {"K": np.array(K), "D": np.array([D5]), "rvecs": np.ones((3, 9)), name: each})
+        if each:
+            refused(stream.getvalue(), key)
+        else:
+            assert read_camera_file(stream.getvalue()).camera.dist_coeffs.tolist() == D5
+
+
 def test_the_names_of_matlab_need_all_of_matlabs_parts() -> None:
     entries = {"FocalLength": [905.5, 907.0], "PrincipalPoint": [641.25, 356.75]}
     assert "RadialDistortion" in refused(entries, "RadialDistortion")
