@@ -19,6 +19,7 @@ from circlepose.io.calibration.keys import (
     near_name,
     pair_of,
 )
+from circlepose.io.calibration.leftovers import is_something, refuse_order, refuse_unused
 from circlepose.io.calibration.lens_models import plain
 from circlepose.io.text.validation import brief, some_keys
 
@@ -28,6 +29,8 @@ _HARMLESS = ("name", "cameraname", "id", "cameraid", "serial", "serialnumber")
 """by which a camera is asked for"""
 FROM_ONE = "if MATLAB wrote it, subtract 1 from cx and cy: MATLAB counts pixels from (1, 1)"
 """remark on a camera matrix that stands column by column"""
+_OF_COLMAP = ("PINHOLE", "OPENCV", "FULL_OPENCV", "OPENCV_FISHEYE")
+_COLMAP = "if COLMAP wrote it, subtract 0.5 from cx and cy: the center of COLMAP's first pixel is (0.5, 0.5)"
 _MOST_COMPARED = 500
 """A key is compared with those that we know in 0.2 ms."""
 _EXPECTED = {
@@ -60,9 +63,14 @@ def assemble(fields: _Fields, where: str, *, is_storage: bool = False) -> Readin
     size, turned = _size(fields, where, matrix)
     notes += said + turned
     camera = numbers.build_camera(where, (matrix_key, matrix), (dist_key, dist), size, model or "pinhole")
+    refuse_order(fields, where, camera)
+    unread = [each for each in fields if not each.role]
+    refuse_unused(unread, where, camera, is_model_stated=model is not None)
     if camera.camera_matrix[0, 1]:
         notes += (f"the skew of {camera.camera_matrix[0, 1]:g} px is used: x = fx u + skew v + cx",)
-    unused = [each.path for each in fields if not each.role and each.name not in _HARMLESS]
+    if any(each.role == "model" and each.value in _OF_COLMAP for each in fields):
+        notes += (_COLMAP,)
+    unused = [each.path for each in unread if each.name not in _HARMLESS]
     if unused and not is_storage:
         notes += (f"not used: {some_keys(unused)}",)
     errors = {each.path: numbers.number(each.value, where, each.path) for each in fields if each.role == "error"}
@@ -83,14 +91,14 @@ def _check_unknown(fields: _Fields, where: str) -> None:
     compared = 0
     for field in fields:
         key = field.path.rpartition(".")[2]
-        if field.role == "stray" and _is_something(field.value):
+        if field.role == "stray" and is_something(field.value):
             raise CalibrationError(
                 f"{where}: {field.path}: it is not clear of which camera this distortion is; put it to the keys of "
                 "its camera, or name it as the camera matrix is named (K1, D1)."
             )
         if field.role:
             continue
-        if looks_like_distortion(field) and _is_something(field.value):
+        if looks_like_distortion(field) and is_something(field.value):
             near = near_name(key, 0.7)
             hint = (
                 f"did you mean {near}?"
@@ -110,15 +118,6 @@ def _check_unknown(fields: _Fields, where: str) -> None:
             )
         if near is not None:
             raise CalibrationError(f"{where}: {brief(field.path)}: is no known key; did you mean {near}?")
-
-
-def _is_something(value: object) -> bool:
-    """Whether a value holds a number other than 0."""
-    if isinstance(value, Mapping):
-        return any(_is_something(each) for key, each in value.items() if key not in ("rows", "cols", "sizes", "dt"))
-    if isinstance(value, list):
-        return any(_is_something(each) for each in value)
-    return isinstance(value, int | float) and not isinstance(value, bool) and value != 0
 
 
 # --- The camera matrix ---
@@ -219,7 +218,7 @@ def _size(
             continue
         first, second = _pair(field, where)
         size = numbers.image_size(first, second, where, field.path)
-        is_turned = field.role == "shape" or _is_turned(size, matrix)
+        is_turned = field.role == "shape" or is_height_first(size, matrix)
         if is_turned:
             size = size[1], size[0]
             why = "as NumPy's shape" if field.role == "shape" else "as the principal point shows"
@@ -248,8 +247,8 @@ def _pair(field: Field, where: str) -> tuple[object, object]:
     return first, second
 
 
-def _is_turned(size: tuple[int, int], matrix: FloatArray | list[list[float]]) -> bool:
-    """Whether the principal point is in the middle of the image of (height, width), and far from that of `size`."""
+def is_height_first(size: tuple[int, int], matrix: FloatArray | list[list[float]]) -> bool:
+    """Return whether the principal point is in the middle of (height, width), and far from that of `size`."""
     point = float(matrix[0][2]), float(matrix[1][2])
 
     def offsets(width: int, height: int) -> list[float]:

@@ -22,6 +22,7 @@ from circlepose.io.text.validation import some_keys
 _DEPTH = 6
 _MOST_KEYS = 10_000
 _MOST_KINDS = 20
+_MOST_COMPARED = 20
 _NAMES = ("name", "camera_name", "camera", "id", "serial", "serial_number", "camera_id")
 
 
@@ -61,9 +62,10 @@ def pick(cameras: Sequence[Found], camera_name: str | None, where: str) -> tuple
     """Return the camera that is asked for, or the first with a remark that names all of several."""
     names = [each.name for each in cameras]
     if camera_name is None:
+        first = next((each for each in cameras if not _is_template(each, cameras)), cameras[0])
         several = len(cameras) > 1
-        note = f"{names[0]} taken, of the {len(names)} cameras {some_keys(names)}"
-        return cameras[0], (note,) if several else ()
+        note = f"{first.name} taken, of the {len(names)} cameras {some_keys(names)}"
+        return first, (note,) if several else ()
     for each in cameras:
         if camera_name.lower() in {alias.lower() for alias in (each.name, *each.aliases)}:
             return each, ()
@@ -71,6 +73,16 @@ def pick(cameras: Sequence[Found], camera_name: str | None, where: str) -> tuple
     if not any(known):
         raise CalibrationError(f"{where}: holds one camera, without a name; leave out the name {camera_name!r}.")
     raise CalibrationError(f"{where}: holds no camera {camera_name!r}; its cameras are {some_keys(known)}.")
+
+
+def _is_template(camera: Found, cameras: Sequence[Found]) -> bool:
+    """Whether another camera has all keys of this one, and more: as YAML's `<<: *base` repeats them."""
+    own = _items(camera)
+    return any(own < _items(other) for other in cameras[:_MOST_COMPARED] if other is not camera)
+
+
+def _items(camera: Found) -> set[tuple[str, str]]:
+    return {(field.name, repr(field.value)) for field in camera.fields}
 
 
 @dataclass(slots=True)

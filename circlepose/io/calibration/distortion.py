@@ -9,7 +9,14 @@ from circlepose._arguments import shown
 from circlepose.camera.camera import LensModel
 from circlepose.errors import CalibrationError
 from circlepose.io.calibration import numbers
-from circlepose.io.calibration.keys import COEFFICIENTS, DISTORTION_ROLES, Field
+from circlepose.io.calibration.keys import (
+    COEFFICIENTS,
+    DISTORTION_ROLES,
+    FOCAL_ROLES,
+    Field,
+    is_in_fisheye_group,
+    truth,
+)
 from circlepose.io.calibration.lens_models import PINHOLE_COUNTS, lens_model, plain
 from circlepose.io.text.validation import some_keys
 
@@ -20,19 +27,25 @@ def stated_model(fields: Sequence[Field], where: str) -> LensModel | None:
     """Return the lens model that the keys state; raises `CalibrationError` where they contradict each other."""
     fine: list[tuple[str, LensModel]] = []
     coarse: list[tuple[str, LensModel]] = []
+    words = [each for each in fields if each.role == "model" and isinstance(each.value, str) and each.value.strip()]
     for field in fields:
         if field.role == "fisheye":
-            if field.value not in (0, 1):
+            is_fisheye = truth(field.value)
+            if is_fisheye is None:
                 raise CalibrationError(
                     f"{where}: {field.path}: expected 0 (pinhole) or 1 (fisheye), got {shown(field.value)}; "
                     "correct it."
                 )
-            fine.append((field.path, "fisheye" if field.value else "pinhole"))
-        elif field.role == "model" and isinstance(field.value, str) and field.value.strip():
-            # A camera model `pinhole` says how rays reach the lens; the distortion model is the finer statement.
-            (fine if "dist" in plain(field.path) else coarse).append(
-                (field.path, named_model(field.value, where, field.path))
-            )
+            fine.append((field.path, "fisheye" if is_fisheye else "pinhole"))
+        elif field.role in (*FOCAL_ROLES, *DISTORTION_ROLES) and is_in_fisheye_group(field):
+            fine.append((field.path, "fisheye"))
+    # A camera model `pinhole` says how rays reach the lens; the distortion model is the finer statement.
+    for field in sorted(words, key=lambda each: "dist" not in plain(each.path)):
+        kind = fine if "dist" in plain(field.path) else coarse
+        if kind is coarse and fine and is_unknown_model(str(field.value)):
+            # The name of a device, where the lens model is stated elsewhere.
+            continue
+        kind.append((field.path, named_model(str(field.value), where, field.path)))
     if not fine + coarse:
         return None
     (key, model), *others = fine + coarse
@@ -43,6 +56,15 @@ def stated_model(fields: Sequence[Field], where: str) -> LensModel | None:
                 f"{where}: {key}, {other}: contradict each other ({model}, {its_model}); keep one."
             )
     return model
+
+
+def is_unknown_model(word: str) -> bool:
+    """Whether a text names no lens model, neither one of ours nor one that we lack."""
+    try:
+        named_model(word, "", "")
+    except CalibrationError as reason:
+        return "which circlepose does not have" not in str(reason)
+    return False
 
 
 def named_model(word: str, where: str, key: str) -> LensModel:

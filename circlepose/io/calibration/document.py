@@ -17,6 +17,7 @@ from circlepose.io.calibration.signatures import kind_of
 from circlepose.io.text.source import MAX_BYTES, Source, read_content
 
 _GZIP = b"\x1f\x8b"
+_MOST_PARTS = 100
 _UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 _LEAST_UTF_16 = 16
 _MOSTLY = 0.4
@@ -140,13 +141,22 @@ def _refuse_large(source: Source) -> None:
 
 
 def _unpacked(content: bytes, name: str) -> bytes:
-    unpack = zlib.decompressobj(31)
-    try:
-        unpacked = unpack.decompress(content, MAX_BYTES + 1)
-    except zlib.error as reason:
-        raise CalibrationError(f"{name}: is gzipped and damaged ({reason}); copy it again.") from None
-    if len(unpacked) > MAX_BYTES:
-        raise CalibrationError(f"{name}: unpacks to more than {MAX_BYTES // 1_000_000} MB; expected a small file.")
-    if not unpack.eof:
-        raise CalibrationError(f"{name}: is gzipped and ends early; copy it again.")
-    return unpacked
+    unpacked = b""
+    # A file may be packed in parts, and padded with zeros.
+    for _ in range(_MOST_PARTS):
+        unpack = zlib.decompressobj(31)
+        try:
+            part = unpack.decompress(content, MAX_BYTES + 1 - len(unpacked))
+        except zlib.error as reason:
+            raise CalibrationError(f"{name}: is gzipped and damaged ({reason}); copy it again.") from None
+        unpacked += part
+        if len(unpacked) > MAX_BYTES:
+            raise CalibrationError(
+                f"{name}: unpacks to more than {MAX_BYTES // 1_000_000} MB; expected a small file."
+            )
+        if not unpack.eof:
+            raise CalibrationError(f"{name}: is gzipped and ends early; copy it again.")
+        content = unpack.unused_data.lstrip(b"\0")
+        if not content:
+            return unpacked
+    raise CalibrationError(f"{name}: is gzipped in more than {_MOST_PARTS} parts; pack it again in one.")

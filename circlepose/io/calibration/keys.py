@@ -46,9 +46,9 @@ _ROLES: Mapping[str, re.Pattern[str]] = {
         "shape": rf"{_IMAGE}shape|{_IMAGE}sizehw",
         "width": rf"{_IMAGE}(?:width|w)(?:px|pixels?)?|resolutionx|xresolution|resx",
         "height": rf"{_IMAGE}(?:height|h)(?:px|pixels?)?|resolutiony|yresolution|resy",
-        "model": r"(?:lens|camera|cam|distortion|dist|projection)?(?:model|type)(?:type|name)?|distortion|lens|"
-        "projection",
-        "fisheye": r"(?:is|use|b)?fisheye(?:model)?|(?:lens|camera|distortion)?model",
+        "model": r"(?:lens|camera|cam|distortion|dist|projection|calib(?:ration)?|intrinsics?)?(?:model|type)"
+        r"(?:type|name)?|distortion|lens|projection",
+        "fisheye": r"(?:is|use|has|b)?fisheye(?:model|lens|camera|cam)?|(?:lens|camera|distortion)?model",
         "deviation": "cameramatrixstddev",
         "focal_sigma": "focalsigmapx",
         "center_sigma": "centersigmapx",
@@ -59,23 +59,31 @@ _ROLES: Mapping[str, re.Pattern[str]] = {
 }
 _ANY_ROLE = re.compile("|".join(f"(?:{pattern.pattern})" for pattern in _ROLES.values()))
 _LONGEST = 60
+_LONGEST_TEXT = 1000
 _OF_ONE_CAMERA = ("matrix", "fx", "fy", "cx", "cy", "distortion", "size", "shape", "width", "height")
 """roles whose keys may say which camera they are of"""
 _UNNAMED = re.compile("parameters?|params?|values?|vector|coeff?(?:icient)?s?|matrix|array|list|data")
 _NUMBERS = ("fx", "fy", "cx", "cy", "skew", "alpha", "coefficient", "width", "height", "focal_sigma", "center_sigma")
-_LOOSE_MODELS = re.compile(r"(?:camera|cam|lens)?type|lens|projection|distortion")
+_LOOSE_MODELS = re.compile(
+    r"(?:camera|cam|lens)?type|(?:calib(?:ration)?|intrinsics?)(?:model|type)(?:type|name)?|lens|projection|distortion"
+)
 """keys whose text is a lens model only if it is one that we know"""
 _END = re.compile(r"(?P<stem>.+?)(?P<end>(?:cam(?:era)?)?[0-9]|left|right|[lr])")
 _BEGIN = re.compile(r"(?P<end>(?:cam(?:era)?)?[0-9]|cam(?:era)?(?:left|right)|left|right)(?P<stem>.+)")
 _ASIDE = re.compile(
     r".*(?:board|pattern|chess|checker|charuco|aruco|april|marker|square|undist|rectif|optimal|extrinsic|stddev|"
-    r"covariance|screen).*|(?:target|roi|crop|sensor|new.*|images|imu|header|stamp|pose|grid|views?|r|t|p|q|e|f)[0-9]?"
+    r"covariance|screen).*|(?:orig|output)dimensions?|"
+    r"(?:target|roi|crop|sensor|new.*|images|imu|header|stamp|pose|grid|views?|r|t|p|q|e|f)[0-9]?"
 )
 """groups of keys about something else than the lens"""
-_DISTORTS = re.compile(r".*(?:dist(?!ance|to)|coef|radial|tangential|aberr|thinprism).*|tau.*|xi|tilt[xy]")
-_NUMBERED = re.compile(r"[kpdb][0-9]+")
+_DISTORTS = re.compile(
+    r".*(?:dist(?!ance|to)|coef|radial|tangential|aberr|thinprism).*|tau.*|xi|tilt[xy]|kc[0-9]?|kappas?[0-9]*|"
+    r"lens(?:params?|parameters?)|(?:inv)?poly?(?:nomials?)?[0-9]*"
+)
+_NUMBERED = re.compile(r"[abdkprt][0-9]+|omega|beta|lambda")
 _NO_LENS = re.compile(
-    r"(?:undist|isdist|has|use|new|optimal|rect|std|sigma).*|.*(?:std|stddev|stdev|sigmas?|cov|covariance|errors?)"
+    r"(?:undist|isdist|has|use|new|optimal|rect|std|sigma).*|"
+    r".*(?:std|stddev|stdev|sigmas?|cov|covariance|errors?|limit)"
 )
 """what looks like distortion, and is something about it"""
 _NAMES = (
@@ -83,6 +91,9 @@ _NAMES = (
     *("center_sigma_px", "target", "distortion_coefficients", "image_width", "image_height", "distortion_model"),
     *("camera_model", "fisheye_model", "width", "height", "intrinsics", "distortion"),
 )
+_FISHEYE = re.compile(r"(?<!undistorted)(?<!non)(?<!not)(?<!no)(?:fisheye|equidist|kannala)")
+_YES = ("true", "yes", "on", "y", "1")
+_NO = ("false", "no", "off", "n", "0", "none", "null", "")
 _PAIR = re.compile(r"[\[(]?\s*(\d+)\s*[,x×* ]\s*(\d+)\s*[\])]?", re.IGNORECASE)
 
 
@@ -156,6 +167,45 @@ def looks_like_distortion(field: Field) -> bool:
     return any(map(_DISTORTS.fullmatch, names)) and not any(map(_NO_LENS.fullmatch, names))
 
 
+def is_neutral(value: object) -> bool:
+    """Whether a value says nothing, no or 0, in whatever form."""
+    if isinstance(value, Mapping):
+        return all(is_neutral(each) for key, each in value.items() if key not in ("rows", "cols", "sizes", "dt"))
+    if isinstance(value, list):
+        return all(map(is_neutral, value))
+    return value is None or value == 0 or truth(value) is False
+
+
+def truth(value: object) -> bool | None:
+    """Return what a text, a number or a bool says of yes and no; None where it says something else."""
+    word = str(value).strip().lower() if isinstance(value, str) else None
+    if value in (0, 1) or word in _YES or word in _NO:
+        return word in _YES if word is not None else bool(value)
+    return None
+
+
+def is_in_fisheye_group(field: Field) -> bool:
+    """Whether a key stands in a group that is called a fisheye's."""
+    return any(_FISHEYE.search(plain(part)) for part in field.path.split(".")[:-1]) and not is_neutral(field.value)
+
+
+def says_fisheye(field: Field) -> bool:
+    """Whether a key, its group or its text states a fisheye lens."""
+    if is_neutral(field.value):
+        return False
+    return _FISHEYE.search(plain(field.path)) is not None or any(
+        _FISHEYE.search(plain(text)) for text in _texts(field.value)
+    )
+
+
+def _texts(value: object) -> list[str]:
+    if isinstance(value, str):
+        return [value[:_LONGEST_TEXT]]
+    if isinstance(value, list):
+        return [each[:_LONGEST_TEXT] for each in value[:_LONGEST_TEXT] if isinstance(each, str)]
+    return []
+
+
 def near_name(key: str, cutoff: float = 0.85) -> str | None:
     """Return the key that one which is not understood was probably meant for."""
     by_plain = {plain(name): name for name in _NAMES}
@@ -195,7 +245,7 @@ def _fits(role: str, stem: str, value: object) -> bool:
     if role == "model":
         return isinstance(value, str) and (not _LOOSE_MODELS.fullmatch(stem) or _is_model(value))
     if role == "fisheye":
-        return isinstance(value, int | float)
+        return isinstance(value, int | float) or ("fisheye" in stem and truth(value) is not None)
     if role == "error":
         return _is_number(value)
     if role in _NUMBERS:

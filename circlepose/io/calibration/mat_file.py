@@ -96,6 +96,8 @@ def _elements(data: bytes, order: str) -> Iterator[tuple[int, bytes]]:
             raise ValueError("an element is longer than the file")
         yield kind, data[begin : begin + size]
         at = after
+    if at < len(data):
+        raise ValueError("it ends within an element")
 
 
 def _matrix(data: bytes, order: str, depth: int) -> tuple[str, Value | None]:

@@ -10,8 +10,11 @@ from circlepose.errors import CalibrationError
 from circlepose.io.calibration import numbers
 from circlepose.io.calibration.document import Document
 from circlepose.io.calibration.form import Form, Reading, choose
+from circlepose.io.calibration.leftovers import refuse_group, refuse_leftovers
 from circlepose.io.calibration.lens_models import lens_model, pinhole_coefficients, plain
 
+_RAYS = ("pinhole", "perspective", "none")
+"""camera models that say nothing of the distortion"""
 _DIST_KEYS = ("distortion_coeffs", "distortion_coefficients", "distortion_coeff")
 
 
@@ -24,7 +27,9 @@ def _read(document: Document, camera_name: str | None) -> Reading:
     """Return one camera of a camchain (`camera_name`, or the first)."""
     cameras = _cameras(document.entries)
     name, notes = choose(sorted(cameras), camera_name, document.name)
-    reading = _camera(cameras[name], f"{document.name}: {name}" if name else document.name)
+    where = f"{document.name}: {name}" if name else document.name
+    reading = _camera(cameras[name], where)
+    refuse_group(name, where, reading.camera)
     return Reading(reading.camera, notes + reading.notes)
 
 
@@ -44,10 +49,10 @@ def _is_camera(entries: Mapping[str, object]) -> bool:
 
 
 def _camera(entries: Mapping[str, object], where: str) -> Reading:
-    model = _model(entries, where)
-    key = next((key for key in _DIST_KEYS if key in entries), _DIST_KEYS[0])
+    model_key, distortion, notes = _distortion(entries, where)
+    model = _model(entries, model_key, distortion, where)
+    key = _coefficients_key(entries, where)
     dist = numbers.number_list(entries.get(key, []), where, key)
-    distortion = entries.get("distortion_model", "none")
     if distortion == "none":
         if any(dist):
             raise CalibrationError(
@@ -70,21 +75,48 @@ def _camera(entries: Mapping[str, object], where: str) -> Reading:
     if "resolution" in entries:
         width, height = numbers.number_list(entries["resolution"], where, "resolution", 2)
         size = numbers.image_size(width, height, where, "resolution")
-    return Reading(numbers.build_camera(where, ("intrinsics", matrix), (key, dist), size, model))
+    camera = numbers.build_camera(where, ("intrinsics", matrix), (key, dist), size, model)
+    used = {"camera_model", "distortion_model", "intrinsics", "resolution", key}
+    refuse_leftovers(entries, used, where, camera, is_model_stated=distortion != "none")
+    return Reading(camera, notes)
 
 
-def _model(entries: Mapping[str, object], where: str) -> LensModel:
+def _coefficients_key(entries: Mapping[str, object], where: str) -> str:
+    keys = [key for key in _DIST_KEYS if key in entries]
+    if len(keys) > 1:
+        raise CalibrationError(f"{where}: {keys[0]}, {keys[1]}: mean the same; remove one of them.")
+    return keys[0] if keys else _DIST_KEYS[0]
+
+
+def _distortion(entries: Mapping[str, object], where: str) -> tuple[str, str, tuple[str, ...]]:
+    """Return the key that states how the lens distorts, the model's name, and a remark where there is none."""
+    name = entries.get("distortion_model")
+    if name is not None:
+        if not isinstance(name, str):
+            raise CalibrationError(
+                f"{where}: distortion_model: expected a name such as radtan or equidistant, got {shown(name)}."
+            )
+        return "distortion_model", "none" if plain(name) == "none" else name, ()
+    camera_model = entries.get("camera_model")
+    if isinstance(camera_model, str) and plain(camera_model) not in _RAYS:
+        # Other tools state `plumb_bob` here.
+        return "camera_model", camera_model, ()
+    remark = "distortion_model is missing: taken for a lens without distortion"
+    return "distortion_model", "none", (remark,)
+
+
+def _model(entries: Mapping[str, object], key: str, distortion: str, where: str) -> LensModel:
     """Return the lens model of both keys: how rays reach the lens, and how it distorts them."""
     camera_model = lens_model(entries.get("camera_model", "pinhole"), where, "camera_model")
-    if plain(str(entries.get("distortion_model", "none"))) == "none":
+    if distortion == "none":
         return camera_model
-    distortion = lens_model(entries["distortion_model"], where, "distortion_model")
-    if camera_model == "fisheye" and distortion == "pinhole":
+    model = lens_model(distortion, where, key)
+    if camera_model == "fisheye" and model == "pinhole":
         raise CalibrationError(
             f"{where}: camera_model, distortion_model: contradict each other ({entries['camera_model']}, "
-            f"{entries['distortion_model']}); keep the one that was calibrated."
+            f"{distortion}); keep the one that was calibrated."
         )
-    return distortion
+    return model
 
 
 FORM = Form("Kalibr camchain", _recognizes, _read)

@@ -6,6 +6,7 @@ from circlepose.errors import CalibrationError
 from circlepose.io.calibration import numbers
 from circlepose.io.calibration.document import Document
 from circlepose.io.calibration.form import Form, Reading, refuse_name
+from circlepose.io.calibration.leftovers import refuse_leftovers
 from circlepose.io.calibration.lens_models import pinhole_coefficients
 
 _MATRIX, _DIST = "INTRINSICS_MATRIX", "DISTORTION_COEFFICIENTS"
@@ -27,7 +28,9 @@ def _read(document: Document, camera_name: str | None) -> Reading:
     size = None
     if "RES_X" in entries or "RES_Y" in entries:
         size = numbers.image_size(entries.get("RES_X"), entries.get("RES_Y"), where, "RES_X, RES_Y")
-    return Reading(numbers.build_camera(where, (_MATRIX, matrix), (_DIST, dist), size, "pinhole"), notes)
+    camera = numbers.build_camera(where, (_MATRIX, matrix), (_DIST, dist), size, "pinhole")
+    refuse_leftovers(entries, {_MATRIX, _DIST, "RES_X", "RES_Y"}, where, camera)
+    return Reading(camera, notes)
 
 
 FORM = Form("Limelight", _recognizes, _read)

@@ -11,6 +11,7 @@ from circlepose.errors import CalibrationError
 from circlepose.io.calibration import numbers
 from circlepose.io.calibration.document import Document
 from circlepose.io.calibration.form import Form, Reading, refuse_name
+from circlepose.io.calibration.leftovers import refuse_leftovers
 from circlepose.io.calibration.lens_models import pinhole_coefficients, plain
 from circlepose.io.calibration.mat_file import MatObject, Value, is_mat_file, is_newer_mat_file
 from circlepose.io.calibration.matlab_text import Rows
@@ -50,6 +51,8 @@ def _read(document: Document, camera_name: str | None) -> Reading:
         )
     dist = pinhole_coefficients(numbers.coefficients(dist_rows, where, dist_key), where, dist_key)
     camera = numbers.build_camera(where, (key, matrix), (dist_key, dist), _size(values.fields, where), "pinhole")
+    rest = {name: _plain(value) for name, value in values.fields.items() if not isinstance(value, MatObject)}
+    refuse_leftovers(rest, {key, dist_key}, where, camera)
     notes: tuple[str, ...] = (f"{key} and {dist_key} are taken in OpenCV's convention, whose pixels count from 0",)
     if len(dist) == 4 and any(dist):
         notes += ("the 4 coefficients are taken for a pinhole lens (k1 k2 p1 p2), not for a fisheye lens",)
@@ -82,6 +85,11 @@ def _size(fields: Fields, where: str) -> tuple[int, int] | None:
         if width in scalars and height in scalars:
             return numbers.image_size(scalars[width], scalars[height], where, f"{width}, {height}")
     return None
+
+
+def _plain(value: Value) -> object:
+    """Return a matrix of one number as the number."""
+    return value[0][0] if isinstance(value, list) and _is_scalar(value) else value
 
 
 def _is_scalar(value: Rows) -> bool:

@@ -46,7 +46,11 @@ def _recognizes(document: Document) -> bool:
         return False
     if text.lstrip().startswith("{"):
         # A word in quotes is quickly found, before anything is parsed.
-        return any(f'"{word}"' in text for word in _WORDS) and bool(_cameras(values_of(document).fields))
+        if not any(f'"{word}"' in text for word in _WORDS):
+            return False
+        fields = values_of(document).fields
+        # MATLAB's names without RadialDistortion: their pixels count from 1 all the same.
+        return bool(_cameras(fields)) or ("FocalLength" in fields and "PrincipalPoint" in fields)
     if document.is_file_storage:
         return False
     return _PRINTED.search(text, 0, _PRINTED_BY) is not None or sum(assigns(text, word) for word in _WORDS) > 1

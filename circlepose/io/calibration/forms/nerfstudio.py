@@ -14,6 +14,8 @@ from circlepose.errors import CalibrationError
 from circlepose.io.calibration import numbers
 from circlepose.io.calibration.document import Document
 from circlepose.io.calibration.form import Form, Reading, choose, refuse_name
+from circlepose.io.calibration.keys import truth
+from circlepose.io.calibration.leftovers import refuse_leftovers
 from circlepose.io.calibration.lens_models import lens_model
 
 _PERSPECTIVE = ("PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "PERSPECTIVE")
@@ -66,13 +68,14 @@ def _reading(entries: Mapping[str, object], where: str, notes: tuple[str, ...]) 
     dist, dist_notes = _coefficients(entries, model, where)
     matrix = [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]
     camera = numbers.build_camera(where, ("fl_x, fl_y, cx, cy", matrix), ("k1 to k4, p1, p2", dist), size, model)
+    refuse_leftovers(entries, _KNOWN, where, camera, is_model_stated="camera_model" in entries)
     return Reading(camera, notes + focal_notes + center_notes + dist_notes)
 
 
 def _model(entries: Mapping[str, object], where: str) -> LensModel:
     word = entries.get("camera_model")
     if word is None:
-        return "fisheye" if entries.get("is_fisheye") is True else "pinhole"
+        return "fisheye" if truth(entries.get("is_fisheye")) else "pinhole"
     return "pinhole" if word in _PERSPECTIVE else lens_model(word, where, "camera_model")
 
 
@@ -124,5 +127,7 @@ def _coefficients(entries: Mapping[str, object], model: LensModel, where: str) -
 
 
 _TERMS = ("k1", "k2", "k3", "k4", "p1", "p2")
+_OF_SCENE = ("frames", "scale", "offset", "aabb_scale", "file_path", "mask_path", "depth_file_path", "ply_file_path")
+_KNOWN = {*_TERMS, *_BEYOND, *_FOCAL, *_OF_SCENE, "fl_y", "camera_angle_y", "cx", "cy", "w", "h", "camera_model"}
 
 FORM = Form("nerfstudio transforms", _recognizes, _read)

@@ -18,12 +18,15 @@ from typing import TypeGuard, cast
 import numpy as np
 
 from circlepose._arguments import shown
+from circlepose._typing import FloatArray
 from circlepose.camera.camera import Camera, LensModel
 from circlepose.camera.plausibility import reprojection_doubts
 from circlepose.errors import CalibrationError
 from circlepose.io.calibration import numbers
+from circlepose.io.calibration.assembly import is_height_first
 from circlepose.io.calibration.document import Document
 from circlepose.io.calibration.form import Form, Reading, choose
+from circlepose.io.calibration.leftovers import refuse_leftovers
 from circlepose.io.calibration.lens_models import lens_model, plain
 from circlepose.io.text.literal import python_literal
 from circlepose.io.text.validation import brief, some_keys
@@ -38,6 +41,10 @@ _ZIP_ERRORS = (
 _MOST_BYTES = 100_000
 """Of one array: a camera matrix has 72."""
 _MOST_MEMBERS = 1000
+_MOST_CHECKED = 200
+_LARGEST_CHECKED = 100
+_LEAST = 4
+"""numbers of a matrix, or of coefficients; K1 with one number is no matrix"""
 _MOST_HEADER = 10_000
 _MOST_NAME = 100
 _KIND = re.compile(r"[<>|=]?(?:f[248]|[iu][1248]|b1|U[0-9]{1,3})")
@@ -132,13 +139,15 @@ def _reading(archive: _Archive, matrix_key: str, dist_key: str, notes: tuple[str
     where = archive.where
     matrix, turned = numbers.turned_matrix(_numbers(archive, matrix_key).tolist(), where, matrix_key)
     dist = [float(each) for each in _numbers(archive, dist_key).ravel()]
-    model, is_stated = _model(archive)
-    size, converted = _size(archive)
-    if not is_stated and len(dist) == 4 and any(dist):
+    model, model_key = _model(archive)
+    size, converted = _size(archive, matrix)
+    if model_key is None and len(dist) == 4 and any(dist):
         notes += (
             "the 4 coefficients are taken for a pinhole lens (k1 k2 p1 p2); for a fisheye lens save fisheye=True too",
         )
     camera = numbers.build_camera(where, (matrix_key, matrix), (dist_key, dist), size, model)
+    used = [matrix_key, dist_key, *([model_key] if model_key is not None else [])]
+    _check_rest(archive, used, camera, is_model_stated=model_key is not None)
     return Reading(camera, (*notes, *turned, *converted, *_rms_notes(archive, camera)))
 
 
@@ -172,8 +181,26 @@ def _numbers(archive: _Archive, name: str) -> np.ndarray:
     return array.astype(np.float64)
 
 
-def _model(archive: _Archive) -> tuple[LensModel, bool]:
-    """Return the lens model and whether the archive states it."""
+def _check_rest(archive: _Archive, used: Sequence[str], camera: Camera, *, is_model_stated: bool) -> None:
+    """Refuse arrays that change the camera and are not used; large ones are points and images."""
+    rest: dict[str, object] = {}
+    for name in list(archive.names)[:_MOST_CHECKED]:
+        if name in used:
+            continue
+        # Of another camera.
+        is_other = any(pattern.fullmatch(plain(name)) for pattern in (_MATRIX, _DIST))
+        try:
+            array = archive.array(name)
+        except CalibrationError:
+            continue
+        if array.size <= _LARGEST_CHECKED and not (is_other and array.size >= _LEAST):
+            values = array.ravel().tolist()
+            rest[name] = values[0] if array.size == 1 and array.ndim == 0 else values
+    refuse_leftovers(rest, (), archive.where, camera, is_model_stated=is_model_stated)
+
+
+def _model(archive: _Archive) -> tuple[LensModel, str | None]:
+    """Return the lens model and the name of the array that states it."""
     for name in archive.names:
         if _MODEL.fullmatch(plain(name)):
             value = archive.array(name).ravel()
@@ -181,18 +208,22 @@ def _model(archive: _Archive) -> tuple[LensModel, bool]:
                 raise CalibrationError(f"{archive.where}: {name}: expected one name of a lens model.")
             word = value[0].item()
             if isinstance(word, int | float) and word in (0, 1):
-                return ("fisheye" if word else "pinhole"), True
-            return lens_model(word, archive.where, name), True
-    return "pinhole", False
+                return ("fisheye" if word else "pinhole"), name
+            return lens_model(word, archive.where, name), name
+    return "pinhole", None
 
 
-def _size(archive: _Archive) -> tuple[tuple[int, int] | None, tuple[str, ...]]:
+def _size(archive: _Archive, matrix: FloatArray) -> tuple[tuple[int, int] | None, tuple[str, ...]]:
     """Return the image size (width, height) and what was converted."""
     where = archive.where
     for name in archive.names:
         if _SIZE.fullmatch(plain(name)):
             width, height = _lengths(archive, name, (2,))
-            return numbers.image_size(width, height, where, name), ()
+            size = numbers.image_size(width, height, where, name)
+            if not is_height_first(size, matrix):
+                return size, ()
+            turned = f"the image has {size[1]} x {size[0]} px"
+            return size[::-1], (f"{name} is (height, width), as the principal point shows: {turned}",)
     plains = {plain(name): name for name in archive.names}
     for prefix in ("image", "img", "frame", ""):
         keys = [plains.get(f"{prefix}{side}") for side in ("width", "height")]

@@ -12,6 +12,7 @@ from circlepose.errors import CalibrationError
 from circlepose.io.calibration import numbers
 from circlepose.io.calibration.document import Document
 from circlepose.io.calibration.form import Form, Reading, choose, refuse_name
+from circlepose.io.calibration.leftovers import refuse_leftovers
 from circlepose.io.calibration.lens_models import pinhole_coefficients, plain
 
 _DIST_KEYS = ("distortioncoefficients", "distortioncoeffs", "distcoeffs", "distortion", "dist", "coeffs")
@@ -49,6 +50,12 @@ def _read(document: Document, camera_name: str | None) -> Reading:
         size = numbers.image_size(intrinsic.get("width"), intrinsic.get("height"), where, "width, height")
     key, dist = _coefficients(intrinsic, where)
     camera = numbers.build_camera(where, ("intrinsic_matrix", matrix), (key, dist), size, "pinhole")
+    outer = {"intrinsic", "parameters", "extrinsic"}
+    own = {"intrinsic_matrix", "width", "height", key}
+    is_nested = intrinsic is not entries
+    for group in (document.entries, entries):
+        refuse_leftovers(group, outer if is_nested else outer | own, where, camera)
+    refuse_leftovers(intrinsic, outer | own, where, camera, "intrinsic." if is_nested else "")
     return Reading(camera, notes + remarks)
 
 

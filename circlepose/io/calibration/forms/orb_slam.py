@@ -14,6 +14,7 @@ from circlepose.errors import CalibrationError
 from circlepose.io.calibration import numbers, terms
 from circlepose.io.calibration.document import Document
 from circlepose.io.calibration.form import Form, Reading, choose
+from circlepose.io.calibration.leftovers import refuse_leftovers
 from circlepose.io.calibration.lens_models import lens_model, plain
 
 _Entries = Mapping[str, object]
@@ -21,6 +22,8 @@ _Entries = Mapping[str, object]
 _NAMES = ("Camera", "Camera1", "Camera2")
 _SIDES = ("LEFT", "RIGHT")
 _COEFFICIENT = re.compile(r"[kps][0-9]")
+_USED = ("fx", "fy", "cx", "cy", "K", "D", "R", "P", "width", "height")
+_OF_ALL = ("type", "bFishEye", "imageScale", "newWidth", "newHeight", "newImWidth", "newImHeight")
 _PINHOLE = ("k1", "k2", "p1", "p2", "k3")
 _FISHEYE = ("k1", "k2", "k3", "k4")
 
@@ -45,9 +48,23 @@ def _read(document: Document, camera_name: str | None) -> Reading:
             notes += (
                 "Camera.fx, fy, cx, cy belong to the images that ORB-SLAM rectifies; --camera-name Camera takes them",
             )
-        return Reading(_raw_camera(entries, name, where), notes)
+        raw_camera = _raw_camera(entries, name, where)
+        _check_rest(entries, (f"{name}.",), where, raw_camera)
+        return Reading(raw_camera, notes)
     camera, remarks = _camera(entries, name, where)
+    _check_rest(entries, (f"{name}.",) if "Camera.fx" in entries else (f"{name}.", "Camera."), where, camera)
     return Reading(camera, (*notes, *remarks))
+
+
+def _check_rest(entries: _Entries, prefixes: tuple[str, ...], where: str, camera: Camera) -> None:
+    """Refuse what is not used of the keys of one camera, and of those without a group."""
+    own = prefixes[0]
+    used = {f"{own}{key}" for key in _USED} | {f"Camera.{key}" for key in _OF_ALL}
+    if own.startswith("Camera"):
+        # Those that the lens model has, and no other is there unless it is 0.
+        used |= {key for key in entries if key.startswith(own) and _COEFFICIENT.fullmatch(key.removeprefix(own))}
+    rest = {key: value for key, value in entries.items() if "." not in key or key.startswith(prefixes)}
+    refuse_leftovers(rest, used, where, camera, is_model_stated="Camera.type" in entries)
 
 
 def _raw_camera(entries: _Entries, side: str, where: str) -> Camera:

@@ -16,6 +16,7 @@ from circlepose.errors import CalibrationError
 from circlepose.io.calibration import numbers, terms
 from circlepose.io.calibration.document import Document
 from circlepose.io.calibration.form import Form, Reading, choose
+from circlepose.io.calibration.leftovers import refuse_group, refuse_leftovers
 from circlepose.io.calibration.lens_models import lens_model, plain
 from circlepose.io.text.validation import some_keys
 
@@ -91,13 +92,17 @@ def _read(document: Document, camera_name: str | None) -> Reading:
             raise CalibrationError(f"{where}: holds one camera, without a name; leave out the name {camera_name!r}.")
         return _reading(streams[""], where, ())
     name, notes = choose(list(streams), camera_name, where)
-    return _reading(streams[name], where, notes)
+    reading = _reading(streams[name], where, notes)
+    refuse_group(name, where, reading.camera)
+    outer = {key: value for key, value in document.entries.items() if not isinstance(value, Mapping | list)}
+    refuse_leftovers(outer, (), where, reading.camera, is_model_stated=True)
+    return reading
 
 
 def _reading(stream: _Stream, where: str, notes: tuple[str, ...]) -> Reading:
     entries, prefix = stream.entries, stream.prefix
     coeffs_key = "coeffs" if "coeffs" in entries else "distortion_coeffs"
-    _, word = _model_key(entries)
+    model_key, word = _model_key(entries)
     if coeffs_key not in entries and (word is None or _model_name(word) != "none"):
         raise CalibrationError(f"{where}: {prefix}coeffs: is missing; if the image has no distortion, give 5 zeros.")
     coeffs = numbers.number_list(entries.get(coeffs_key, []), where, prefix + coeffs_key)
@@ -107,7 +112,10 @@ def _reading(stream: _Stream, where: str, notes: tuple[str, ...]) -> Reading:
     if "width" in entries and "height" in entries:
         size = numbers.image_size(entries["width"], entries["height"], where, f"{prefix}width, height")
     keys = f"{prefix}fx", f"{prefix}{coeffs_key}"
-    return Reading(numbers.build_camera(where, (keys[0], matrix), (keys[1], dist), size, model), notes)
+    camera = numbers.build_camera(where, (keys[0], matrix), (keys[1], dist), size, model)
+    used = {*_KEYS, coeffs_key, model_key, "width", "height"}
+    refuse_leftovers(entries, used, where, camera, prefix, is_model_stated=word is not None)
+    return Reading(camera, notes)
 
 
 def _lens(

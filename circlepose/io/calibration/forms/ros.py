@@ -13,6 +13,7 @@ from circlepose.errors import CalibrationError
 from circlepose.io.calibration import numbers
 from circlepose.io.calibration.document import Document
 from circlepose.io.calibration.form import Form, Reading, choose
+from circlepose.io.calibration.leftovers import refuse_group, refuse_leftovers
 from circlepose.io.calibration.lens_models import PINHOLE_COUNTS, lens_model, plain
 from circlepose.io.text.validation import some_keys
 from circlepose.io.text.yaml import MatrixNode
@@ -25,6 +26,7 @@ _OWN_KEYS = (
     "rectification_matrix",
     "projection_matrix",
 )
+_CHECKED = ("binning_x", "binning_y", "roi", "image_width", "image_height", "width", "height")
 _FEW = 5
 """coefficients of plumb_bob; the rational models have more"""
 
@@ -49,7 +51,9 @@ def _read(document: Document, camera_name: str | None) -> Reading:
             raise CalibrationError(f"{where}: holds no camera {camera_name!r}, only {only}.")
     if document.messages > 1:
         notes += (f"the first of {document.messages} messages is taken",)
-    reading = read_info(entries, f"{where}: {name}" if name else where)
+    inside = f"{where}: {name}" if name else where
+    reading = read_info(entries, inside)
+    refuse_group(name, inside, reading.camera)
     return Reading(reading.camera, notes + reading.notes)
 
 
@@ -62,6 +66,8 @@ def read_info(entries: Mapping[str, object], where: str) -> Reading:
     model, dist, notes = _lens(entries, given, dist_key, where)
     matrix, turned = numbers.turned_matrix(entries[matrix_key], where, matrix_key)
     camera = numbers.build_camera(where, (matrix_key, matrix), (dist_key, dist), _size(entries, where), model)
+    used = {matrix_key, dist_key, "distortion_model", "camera_model", "header", *_CHECKED}
+    refuse_leftovers(entries, used, where, camera, is_model_stated=_model_name(entries, where)[1] != "")
     return Reading(camera, turned + notes)
 
 
