@@ -15,7 +15,7 @@ from circlepose._typing import FloatArray
 from circlepose.errors import CalibrationError
 from circlepose.io.calibration.cameras import listed
 from circlepose.io.marks import COMMENT
-from circlepose.io.text.yaml import MatrixNode, load_yaml, no_keys
+from circlepose.io.text.yaml import MatrixNode, load_yaml, no_keys, value_problem
 
 _DEPTH = 6
 _MATRIX_TYPES = ("opencv-matrix", "opencv-nd-matrix")
@@ -41,9 +41,26 @@ def parse_storage(text: str, name: str) -> tuple[dict[str, object], bool]:
         entries = _entries(_parse_json(text, name), name)
     else:
         is_opencv = text.lstrip().startswith("%YAML:1.0") or "!!opencv-" in text
-        plain = _NO_BLANK.sub(r"\1: ", text) if is_opencv else text
-        entries = _entries(load_yaml(plain, name, CalibrationError), name)
+        entries = _parse_yaml(_NO_BLANK.sub(r"\1: ", text), name) if is_opencv else _yaml_or_blanks(text, name)
     return entries, _has_matrix(entries, 0)
+
+
+def _yaml_or_blanks(text: str, name: str) -> dict[str, object]:
+    """Return keys and values; where a text has none, those with a blank after each colon: `fx:900`."""
+    try:
+        return _parse_yaml(text, name)
+    except CalibrationError as problem:
+        spaced = _NO_BLANK.sub(r"\1: ", text)
+        if spaced == text:
+            raise
+        try:
+            return _parse_yaml(spaced, name)
+        except CalibrationError:
+            raise problem from None
+
+
+def _parse_yaml(text: str, name: str) -> dict[str, object]:
+    return _entries(load_yaml(text, name, CalibrationError), name)
 
 
 def _has_matrix(value: object, depth: int) -> bool:
@@ -93,7 +110,7 @@ def _parse_json(text: str, name: str) -> object:
             f"{name}, line {reason.lineno}: is not valid JSON ({reason.msg}); correct this line."
         ) from None
     except ValueError as reason:
-        raise CalibrationError(f"{name}: {reason}.") from None
+        raise CalibrationError(f"{name}: {value_problem(reason)}.") from None
 
 
 def _plain_json(match: re.Match[str]) -> str:
@@ -130,7 +147,7 @@ def _parse_xml(text: str, name: str) -> dict[str, object]:
     except RecursionError:
         raise CalibrationError(f"{name}: is nested too deeply.") from None
     except ValueError as reason:
-        raise CalibrationError(f"{name}: {reason}.") from None
+        raise CalibrationError(f"{name}: {value_problem(reason)}.") from None
     if not isinstance(value, dict):
         raise CalibrationError(f"{name}: <opencv_storage> holds no keys.")
     return value

@@ -17,6 +17,7 @@ from circlepose.io.calibration.forms import (
     colmap,
     depthai,
     kalibr,
+    kitti,
     limelight,
     mat,
     matlab,
@@ -36,6 +37,7 @@ from circlepose.io.calibration.forms import (
     ros,
     ros_ini,
     stella_vslam,
+    zed,
     zivid,
 )
 from circlepose.io.calibration.unknown import unknown_form
@@ -66,6 +68,8 @@ FORMS: tuple[Form, ...] = (
     matlab.FORM,
     openptv.FORM,
     mat.FORM,
+    kitti.FORM,
+    zed.FORM,
     native.FORM,
     opencv.FORM,
     plain.FORM,
