@@ -20,6 +20,7 @@ def stated_model(fields: Sequence[Field], where: str) -> LensModel | None:
     """Return the lens model that the keys state; raises `CalibrationError` where they contradict each other."""
     fine: list[tuple[str, LensModel]] = []
     coarse: list[tuple[str, LensModel]] = []
+    devices: list[CalibrationError] = []
     for field in fields:
         if field.role == "fisheye":
             if field.value not in (0, 1):
@@ -30,9 +31,17 @@ def stated_model(fields: Sequence[Field], where: str) -> LensModel | None:
             fine.append((field.path, "fisheye" if field.value else "pinhole"))
         elif field.role == "model" and isinstance(field.value, str) and field.value.strip():
             # A camera model `pinhole` says how rays reach the lens; the distortion model is the finer statement.
-            (fine if "dist" in plain(field.path) else coarse).append(
-                (field.path, named_model(field.value, where, field.path))
-            )
+            try:
+                named = named_model(field.value, where, field.path)
+            except CalibrationError as reason:
+                if not _may_be_device(field):
+                    raise
+                devices.append(reason)
+                continue
+            (fine if "dist" in plain(field.path) else coarse).append((field.path, named))
+    if devices and not fine + coarse:
+        text = str(devices[0]).removesuffix("correct it.")
+        raise CalibrationError(f"{text}if it names a device, rename this key to device; or state the lens model.")
     if not fine + coarse:
         return None
     (key, model), *others = fine + coarse
@@ -43,6 +52,16 @@ def stated_model(fields: Sequence[Field], where: str) -> LensModel | None:
                 f"{where}: {key}, {other}: contradict each other ({model}, {its_model}); keep one."
             )
     return model
+
+
+def _may_be_device(field: Field) -> bool:
+    """Whether a key such as camera_model may name a device: `HERO8 Black`; never a word of a lens model."""
+    word = str(field.value)
+    is_name = re.search(r"[0-9 ]", word.strip()) is not None
+    is_lens = re.search(
+        r"fish|equi|kannala|omni|pinhole|model|distort|opencv|rad|tan|poly|division|fov|mei|ucm", word, re.I
+    )
+    return is_name and is_lens is None and field.name in ("cameramodel", "model", "cammodel")
 
 
 def named_model(word: str, where: str, key: str) -> LensModel:

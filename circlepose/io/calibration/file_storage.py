@@ -15,6 +15,7 @@ from circlepose._typing import FloatArray
 from circlepose.errors import CalibrationError
 from circlepose.io.calibration.cameras import listed
 from circlepose.io.marks import COMMENT
+from circlepose.io.text.validation import brief
 from circlepose.io.text.yaml import MatrixNode, load_yaml, no_keys, value_problem
 
 _DEPTH = 6
@@ -41,22 +42,26 @@ def parse_storage(text: str, name: str) -> tuple[dict[str, object], bool]:
         entries = _entries(_parse_json(text, name), name)
     else:
         is_opencv = text.lstrip().startswith("%YAML:1.0") or "!!opencv-" in text
-        entries = _parse_yaml(_NO_BLANK.sub(r"\1: ", text), name) if is_opencv else _yaml_or_blanks(text, name)
+        entries = _parse_yaml(_NO_BLANK.sub(r"\1: ", text), name) if is_opencv else _own_yaml(text, name)
     return entries, _has_matrix(entries, 0)
 
 
-def _yaml_or_blanks(text: str, name: str) -> dict[str, object]:
-    """Return keys and values; where a text has none, those with a blank after each colon: `fx:900`."""
+def _own_yaml(text: str, name: str) -> dict[str, object]:
+    """Return keys and values; where a text would have some with a blank after each colon, the error says so."""
     try:
         return _parse_yaml(text, name)
     except CalibrationError as problem:
-        spaced = _NO_BLANK.sub(r"\1: ", text)
-        if spaced == text:
+        key = _NO_BLANK.search(text)
+        if key is None:
             raise
         try:
-            return _parse_yaml(spaced, name)
+            _parse_yaml(_NO_BLANK.sub(r"\1: ", text), name)
         except CalibrationError:
             raise problem from None
+        line = text.count("\n", 0, key.start(1)) + 1
+        raise CalibrationError(
+            f"{name}, line {line}: {brief(key[1])}: needs a blank after the colon; write `{brief(key[1])}: `."
+        ) from None
 
 
 def _parse_yaml(text: str, name: str) -> dict[str, object]:

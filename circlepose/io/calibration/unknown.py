@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from circlepose.errors import CalibrationError
 from circlepose.io.calibration.document import Document
+from circlepose.io.calibration.matrix_text import kind_of_matrix
 from circlepose.io.calibration.signatures import kind_of, kind_of_keys, kind_of_text
 from circlepose.io.text.sections import looks_like_sections
 from circlepose.io.text.validation import some_keys
@@ -17,7 +18,7 @@ def unknown_form(document: Document) -> CalibrationError:
     name, text = document.name, document.text
     what = kind_of(document.content)
     if what is None and text is not None:
-        what = kind_of_text(text) or kind_of_keys(document.entries)
+        what = kind_of_text(text) or kind_of_matrix(text) or kind_of_keys(document.entries)
     if what is not None:
         return CalibrationError(f"{name}: {what}.")
     if text is None:

@@ -203,7 +203,7 @@ def no_keys(document: object, example: str = "") -> str:
 def value_problem(reason: ValueError) -> str:
     """Return what is wrong with a value of a file; of a number with thousands of digits, which Python refuses, so."""
     is_long = "integer string conversion" in str(reason)
-    return "holds a whole number of thousands of digits; correct it" if is_long else str(reason).partition("\n")[0]
+    return "holds a whole number of thousands of digits" if is_long else str(reason).partition("\n")[0]
 
 
 def load_yaml(text: str, name: str, error: type[CircleposeError]) -> object:
@@ -225,7 +225,7 @@ def load_yaml(text: str, name: str, error: type[CircleposeError]) -> object:
         line = f", line {mark.line + 1}" if mark else ""
         raise error(f"{name}{line}: is not valid YAML ({brief(reason.problem or reason.context or '')}).") from None
     except ValueError as reason:
-        raise error(f"{name}: {brief(value_problem(reason))}.") from None
+        raise error(f"{name}: is not valid YAML ({brief(value_problem(reason))}).") from None
     except yaml.YAMLError as reason:
         first_line = str(reason).partition("\n")[0]
         raise error(f"{name}: is not valid YAML ({brief(first_line)}).") from None
