@@ -14,6 +14,7 @@ from circlepose.io.calibration import distortion, numbers
 from circlepose.io.calibration.form import Reading
 from circlepose.io.calibration.keys import (
     COEFFICIENTS,
+    DISTORTION_ROLES,
     Field,
     field_of,
     is_matrix,
@@ -127,7 +128,7 @@ def _check_text(field: Field, where: str) -> None:
         return
     group, _, key = field.path.rpartition(".")
     role = field_of(key, [0.0, 0.0], field.path, group.rpartition(".")[2]).role
-    if role == "matrix" or role in distortion.DISTORTION_ROLES:
+    if role == "matrix" or role in DISTORTION_ROLES:
         is_needed = role != "matrix" or _SOME_NUMBERS.fullmatch(field.value)
         if is_needed and (_SOME_NUMBERS.fullmatch(field.value) or _FILE_NAME.fullmatch(field.value)):
             raise CalibrationError(

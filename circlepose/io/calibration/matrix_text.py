@@ -24,8 +24,8 @@ def kind_of_matrix(text: str) -> str | None:
     matrix = ", ".join(f"[{', '.join(f'{each!r}' for each in row)}]" for row in upper)
     return (
         "is text of no known form of a calibration; expected camera_matrix and dist_coeffs by name; write this "
-        f"matrix as `camera_matrix: [{matrix}]`, and the distortion in the next line as `dist_coeffs: [k1, k2, p1, p2, "
-        "k3]`, or [] if the images are undistorted"
+        f"matrix as `camera_matrix: [{matrix}]`, and the distortion in the next line as `dist_coeffs: [k1, k2, p1, "
+        "p2, k3]`, or [] if the images are undistorted"
     )
 
 

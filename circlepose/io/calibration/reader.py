@@ -59,8 +59,9 @@ class CameraFile:
         """Raise `CalibrationError` on what no camera has: file, key, what it looks like and how to `insist`."""
         for doubt in self.doubts:
             if doubt.is_grave:
+                path = printable(str(self.path))
                 raise CalibrationError(
-                    f"{printable(str(self.path))}: {doubt.about}: {doubt.text}. To measure with it all the same, {insist}."
+                    f"{path}: {doubt.about}: {doubt.text}. To measure with it all the same, {insist}."
                 )
 
 

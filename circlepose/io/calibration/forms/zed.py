@@ -11,6 +11,7 @@ from circlepose.io.calibration.document import Document
 from circlepose.io.calibration.form import Form, Reading, choose
 
 _SECTION = re.compile(r"(LEFT|RIGHT)_CAM_(\w+)")
+_TERM = re.compile(r"[kps]\d")
 _SIZES: Mapping[str, tuple[int, int]] = {
     "2K": (2208, 1242),
     "FHD1200": (1920, 1200),
@@ -34,9 +35,14 @@ def _read(document: Document, camera_name: str | None) -> Reading:
     match = _SECTION.fullmatch(name)
     size = _SIZES.get(match[2]) if match else None
     entries = dict(cameras[name])
-    apart = document.entries.get(f"{name.partition('_')[0]}_DISTO")
+    apart_key = f"{name.partition('_')[0]}_DISTO"
+    apart = document.entries.get(apart_key)
     if isinstance(apart, Mapping):
-        entries["distortion"] = apart
+        own = [key for key in entries if _TERM.fullmatch(key.lower())]
+        if any(entries[key] != 0 for key in own):
+            notes += (f"the distortion of [{name}] is used, not [{apart_key}]",)
+        else:
+            entries = {key: value for key, value in entries.items() if key not in own} | {"distortion": apart}
     if size is not None:
         entries |= {"width": size[0], "height": size[1]}
         notes += (f"the image size {size[0]} x {size[1]} px is that of the resolution {match[2] if match else ''}",)
