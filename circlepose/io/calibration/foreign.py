@@ -13,7 +13,7 @@ _COLMAP = "export the model as COLMAP's cameras.txt, which is read"
 _TERMS = "write fx, fy, cx, cy and k1, k2, p1, p2, k3 as YAML"
 _TEXTS: tuple[tuple[str, str], ...] = (
     (
-        r"\s*ParGroup:\s*Camera",
+        r"(?s:.){0,2000}?^[ \t]{0,20}ParGroup:[ \t]{0,20}Camera",
         "is a HALCON camera, whose distortion runs the other way; undistort the images with HALCON (Kappa or K1 to "
         "P2 to 0), and write fx = Focus / Sx, fy = Focus / Sy, cx = Cx, cy = Cy of these, with dist_coeffs: []",
     ),
