@@ -107,7 +107,8 @@ class _Group:
             names = self.names
             for key, group in holding.items():
                 names += (key, *(alias for each in group.cameras for alias in each.aliases))
-            return [Found("", names, tuple(self.all_fields))]
+            fields = (each for each in self.all_fields if each.role not in FOCAL_ROLES or each.value != [])
+            return [Found("", names, tuple(fields))]
         outer = [*self.own]
         for key, group in self.inner.items():
             outer += [] if key in holding else group.all_fields

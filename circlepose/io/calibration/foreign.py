@@ -29,12 +29,12 @@ _TEXTS: tuple[tuple[str, str], ...] = (
         "cy from Px, Py alike, less 0.5 px, and k1, k2, k3 = K1, K2, K3, p1, p2 = T1, T2, as YAML",
     ),
     (
-        r"\s*(?:<\?xml[^>]{0,200}\?>)?\s*<(?:ExportAPERO|CalibrationInternConique)\b",
+        r"(?:<\?xml[^>]{0,200}\?>)?\s{0,20}<(?:ExportAPERO|CalibrationInternConique)\b",
         "is MicMac's calibration, whose distortion has a center of its own; undistort the images with MicMac (mm3d "
         "Drunk), and write fx = fy = F, cx, cy = PP of these, with dist_coeffs: []",
     ),
     (
-        r"\s*(?:<\?xml[^>]{0,200}\?>)?\s*<BlocksExchange\b",
+        r"(?:<\?xml[^>]{0,200}\?>)?\s{0,20}<BlocksExchange\b",
         f"is ContextCapture's (iTwin) block; {_TERMS}: fx = fy = FocalLengthPixels, cx, cy = PrincipalPoint, less "
         "0.5 px, k1, k2, k3; of P1 and P2 other than 0 the order differs by version, so calibrate again",
     ),
@@ -53,7 +53,7 @@ _TEXTS: tuple[tuple[str, str], ...] = (
         "is Vicon's calibration (.xcp); convert it to TOML with Pose2Sim, which is read",
     ),
     (
-        r"\s*(?:Pinhole|FOV|RadTan|KannalaBrandt|EquiDistant)(?:\s+-?[\d.]+(?:e[-+]?\d+)?){5,9}\s",
+        r"(?:Pinhole|FOV|RadTan|KannalaBrandt|EquiDistant)(?:\s+-?[\d.]+(?:e[-+]?\d+)?){5,9}\s",
         f"is DSO's camera.txt; {_TERMS}: numbers in px as they stand; shares of the image below 1 times its width or "
         "height, cx and cy of these less 0.5 px; a camera `Pinhole` has dist_coeffs: [], one `FOV` no equivalent",
     ),
@@ -98,7 +98,7 @@ def kind_of_foreign(document: Document) -> str | None:
     """Return what a calibration is that is not read, and what to do, as the end of a sentence; None for others."""
     if document.text is None:
         return None
-    begin = document.text[:_BEGIN]
+    begin = document.text.lstrip()[:_BEGIN]
     for pattern, what in _TEXTS:
         if re.match(pattern, begin, re.MULTILINE):
             return what
