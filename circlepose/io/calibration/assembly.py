@@ -123,7 +123,11 @@ def _check_unknown(fields: _Fields, where: str) -> None:
 
 
 def _check_text(field: Field, where: str) -> None:
-    """Refuse numbers, or the name of a file, in quotes under a key of a matrix or of coefficients."""
+    """Refuse text that holds, or names a file of, a matrix or coefficients; and `fx = 905,5`."""
+    if not field.role and field.name in ("fx", "fy", "cx", "cy") and isinstance(field.value, list):
+        raise CalibrationError(
+            f"{where}: {field.path}: expected a number, with a point and not a comma, got {shown(field.value)}."
+        )
     if field.role or not isinstance(field.value, str):
         return
     group, _, key = field.path.rpartition(".")

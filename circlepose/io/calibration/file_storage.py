@@ -144,7 +144,8 @@ def _parse_xml(text: str, name: str) -> dict[str, object]:
         root = ElementTree.fromstring(text)
         if root.tag != "opencv_storage":
             raise CalibrationError(
-                f"{name}: is XML of another kind (<{root.tag}>); expected OpenCV's <opencv_storage>."
+                f"{name}: is XML of another kind (<{root.tag}>); expected OpenCV's <opencv_storage>, "
+                "or camera_matrix and dist_coeffs as YAML."
             )
         value = _xml_value(root)
     except ElementTree.ParseError as reason:

@@ -17,6 +17,9 @@ _LINE = re.compile(r"([A-Za-z_][\w.-]{0,80})[ \t]{0,40}[=:][ \t]{0,40}([^=].{0,5
 _ASSIGNMENT = re.compile(r"^[ \t]{0,40}[A-Za-z_][\w.-]{0,80}[ \t]{0,40}=(?!=)", re.MULTILINE)
 _REMARK = re.compile(r"(?:^|[ \t])[#;][^\]\"']*$")
 _NUMBER = re.compile(r"[-+]?(?:\d{1,400}\.?\d{0,400}|\.\d{1,400})(?:[eE][-+]?\d{1,9})?")
+_NESTED = re.compile(r"=[ \t]{0,40}\[\s{0,40}\[")
+"""a matrix as only TOML has it"""
+_PLACE = re.compile(r"(.*) \(at line (\d+), column \d+\)", re.DOTALL)
 _BRACKETS = {"[": "]", "(": ")", "{": "}"}
 _BOOLEANS = {"true": True, "false": False, "yes": True, "no": False, "on": True, "off": False}
 _LEAST_KNOWN = 0.7
@@ -30,7 +33,7 @@ def load_sections(text: str, name: str, error: type[CircleposeError]) -> dict[st
     """
     if len(text) > _MOST_CHARACTERS or not _ASSIGNMENT.search(text):
         return None
-    toml = _toml(text)
+    toml = _toml(text, name, error)
     if toml is not None:
         return toml
     return _ini(_kept(text), name, error) if looks_like_sections(text) else None
@@ -51,11 +54,16 @@ def _kept(text: str) -> list[tuple[int, str]]:
     return [(number, line) for number, line in lines if line and line[0] not in "#;"]
 
 
-def _toml(text: str) -> dict[str, object] | None:
+def _toml(text: str, name: str, error: type[CircleposeError]) -> dict[str, object] | None:
     if len(text) > _MOST_CHARACTERS_OF_TOML or any(_has_deep_keys(line) for line in text.splitlines()):
         return None
     try:
         return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as reason:
+        place = _PLACE.fullmatch(str(reason))
+        if place is None or _NESTED.search(text) is None:
+            return None
+        raise error(f"{name}, line {place[2]}: is not valid TOML ({brief(place[1])}); correct this line.") from None
     except (ValueError, RecursionError):
         return None
 

@@ -51,7 +51,9 @@ def unknown_key(key: str, known: Iterable[str]) -> str:
 
 
 def is_number_in_quotes(value: object) -> bool:
-    """Whether a value is a text that would be a number without its quotes."""
+    """Whether a value is a text that would be a number without its quotes, or a list with such a text."""
+    if isinstance(value, list):
+        return any(isinstance(each, str) and is_number_in_quotes(each) for each in value)
     return isinstance(value, str) and _NUMBER.fullmatch(value.strip()) is not None
 
 

@@ -55,6 +55,7 @@ def test_texts_of_other_kinds(text: str) -> None:
     ("text", "says"),
     [
         ("a = a b\nb = 2\n[c]\nd = 3\nrubbish\n", "f.ini, line 5: is neither `[section]` nor `key = value`"),
+        ("[a]\nb = [[1, 2], [3,,4]]\n", "f.ini, line 2: is not valid TOML (Invalid value); correct this line."),
         ("a = a b\na = 2\n", "line 2: a: is given twice"),
         ("[a]\nb = a b\n[a]\nb = 2\n", "line 3: [a] is there twice"),
     ],
