@@ -15,6 +15,7 @@ from circlepose._arguments import shown
 from circlepose.errors import TargetError, UsageError
 from circlepose.io.atomic import atomic_writer
 from circlepose.io.marks import COMMENT
+from circlepose.io.text.escaping import printable
 from circlepose.io.text.source import Source, read_source
 from circlepose.io.text.validation import Strict, parse
 from circlepose.io.text.yaml import parse_yaml
@@ -163,11 +164,27 @@ def write_target(target: Target, path: str | os.PathLike[str], *, overwrite: boo
 
 
 def find_beside(folder: Path, stem: str) -> Path | None:
-    """Return `{stem}.yaml` or `{stem}.yml` in `folder` if one is there; raises `UsageError` if both are."""
-    found = [path for path in (folder / f"{stem}.yaml", folder / f"{stem}.yml") if os.path.isfile(path)]  # noqa: PTH113
+    """Return `{stem}.yaml` or `{stem}.yml` in `folder` if one is there.
+
+    Raises `UsageError` if both are, or if what is there is no file.
+    """
+    found = [path for path in (folder / f"{stem}.yaml", folder / f"{stem}.yml") if os.path.lexists(path)]
     if len(found) > 1:
         raise UsageError(f"{folder}: holds both {found[0].name} and {found[1].name}; remove one of them.")
+    if found and not os.path.isfile(found[0]):  # noqa: PTH113
+        raise UsageError(
+            f"{printable(str(found[0]))}: is {_no_file(found[0])}; put the file itself there, or remove it."
+        )
     return found[0] if found else None
+
+
+def _no_file(path: Path) -> str:
+    """Return what is there in place of a file."""
+    if not os.path.exists(path):  # noqa: PTH110
+        return "a link to a file that is not there"
+    if os.path.isdir(path):  # noqa: PTH112
+        return "a folder"
+    return "a pipe or a device"
 
 
 def _check_units(mapping: Mapping[str, object], where: str) -> None:

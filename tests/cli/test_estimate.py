@@ -71,6 +71,21 @@ def test_names_cannot_steer_the_terminal(run, folder):
     assert "\x1b" not in err
 
 
+def test_a_name_with_a_line_end_stays_on_its_line(run, folder):
+    (folder / "b\nc.yaml").write_text("color: red\n")
+    _, _, err = run("estimate", folder, "--calib", folder / "b\nc.yaml")
+    assert "b\\nc.yaml: is no calibration of a known form" in err
+    assert err.count("\n") == 1
+
+
+def test_a_calibration_beside_the_images_that_is_no_file(run, folder):
+    (folder / "camera.yaml").unlink()
+    (folder / "camera.yaml").symlink_to(folder / "elsewhere.yaml")
+    code, _, err = run("estimate", folder)
+    assert code == 2
+    assert "camera.yaml: is a link to a file that is not there; put the file itself there, or remove it." in err
+
+
 def test_without_a_calibration(run, folder):
     (folder / "camera.yaml").unlink()
     code, out, err = run("estimate", folder)

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+import os
 from pathlib import Path
 
 import pytest
@@ -214,3 +215,18 @@ def test_target_beside_the_images(tmp_path: Path) -> None:
     (tmp_path / "target.yml").unlink()
     assert find_beside(tmp_path, "target") == tmp_path / "target.yaml"
     assert find_beside(tmp_path / "none", "target") is None
+
+
+def test_what_is_beside_the_images_and_is_no_file(tmp_path: Path) -> None:
+    path = tmp_path / "camera.yaml"
+    path.symlink_to(tmp_path / "elsewhere.yaml")
+    with pytest.raises(UsageError, match=r"camera\.yaml: is a link to a file that is not there; put the file itself"):
+        find_beside(tmp_path, "camera")
+    path.unlink()
+    path.mkdir()
+    with pytest.raises(UsageError, match=r"camera\.yaml: is a folder"):
+        find_beside(tmp_path, "camera")
+    path.rmdir()
+    os.mkfifo(path)
+    with pytest.raises(UsageError, match=r"camera\.yaml: is a pipe or a device"):
+        find_beside(tmp_path, "camera")

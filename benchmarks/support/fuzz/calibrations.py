@@ -18,7 +18,7 @@ from circlepose.io.calibration.reader import CameraFile
 from circlepose_cli.reports.camera import describe, report_record
 
 _ROOT = Path(__file__).resolve().parents[3]
-_FENCE = re.compile(r"^```(json|matlab|text|xml|ini|yaml)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+_FENCE = re.compile(r"^```(json|matlab|text|xml|ini|toml|yaml)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 _MATRIX = [600.0, 0.0, 319.5, 0.0, 600.0, 239.5, 0.0, 0.0, 1.0]
 _DIST = [-0.2, 0.1, 0.0, 0.0, 0.0]
 _K, _D = np.reshape(_MATRIX, (3, 3)), np.array([_DIST])

@@ -24,6 +24,8 @@ _MOST_KEYS = 10_000
 _MOST_KINDS = 20
 _MOST_COMPARED = 20
 _NAMES = ("name", "camera_name", "camera", "id", "serial", "serial_number", "camera_id")
+_ALL_CAMERAS = ("cameras", "cams", "calibrations", "calibration", "intrinsics")
+"""groups whose name says nothing about which camera stands in them"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +71,7 @@ def pick(cameras: Sequence[Found], camera_name: str | None, where: str) -> tuple
     for each in cameras:
         if camera_name.lower() in {alias.lower() for alias in (each.name, *each.aliases)}:
             return each, ()
-    known = [next((name for name in (each.name, *each.aliases) if name), "") for each in cameras]
+    known = [_shown_name(each) for each in cameras]
     if not any(known):
         raise CalibrationError(f"{where}: holds one camera, without a name; leave out the name {camera_name!r}.")
     raise CalibrationError(f"{where}: holds no camera {camera_name!r}; its cameras are {some_keys(known)}.")
@@ -83,6 +85,11 @@ def _is_template(camera: Found, cameras: Sequence[Found]) -> bool:
 
 def _items(camera: Found) -> set[tuple[str, str]]:
     return {(field.name, repr(field.value)) for field in camera.fields}
+
+
+def _shown_name(camera: Found) -> str:
+    names = [name for name in (camera.name, *camera.aliases) if name]
+    return next((name for name in names if name.lower() not in _ALL_CAMERAS), next(iter(names), ""))
 
 
 @dataclass(slots=True)
@@ -106,12 +113,14 @@ class _Group:
     def cameras(self) -> list[Found]:
         """The cameras in this group: itself, or those of the groups in it."""
         holding = {key: group for key, group in self.inner.items() if group.cameras}
-        is_camera = any(field.role in FOCAL_ROLES for field in self.own)
+        # Of sensors that are no cameras, nuScenes has an empty matrix.
+        is_camera = any(field.role in FOCAL_ROLES and field.value != [] for field in self.own)
         if is_camera or [len(group.cameras) for group in holding.values()] == [1]:
             names = self.names
             for key, group in holding.items():
                 names += (key, *(alias for each in group.cameras for alias in each.aliases))
-            return [Found("", names, tuple(self.all_fields))]
+            fields = (each for each in self.all_fields if each.role not in FOCAL_ROLES or each.value != [])
+            return [Found("", names, tuple(fields))]
         outer = [*self.own]
         for key, group in self.inner.items():
             outer += [] if key in holding else group.all_fields
@@ -199,7 +208,7 @@ def listed(groups: Sequence[Mapping[str, object]]) -> dict[str, object]:
 def _by_end(found: Found) -> Iterator[Found]:
     """Yield the cameras of keys that are numbered, or left and right: `M1 D1 M2 D2`."""
     focal = [field for field in found.fields if field.role in FOCAL_ROLES]
-    ends = sorted({field.end for field in focal})
+    ends = sorted({field.end for field in focal}, key=lambda end: (len(end) if end.isdigit() else 0, end))
     for end in ends or [""]:
         fields = found.fields
         if len(ends) > 1:

@@ -28,6 +28,7 @@ def stated_model(fields: Sequence[Field], where: str) -> LensModel | None:
     fine: list[tuple[str, LensModel]] = []
     coarse: list[tuple[str, LensModel]] = []
     words = [each for each in fields if each.role == "model" and isinstance(each.value, str) and each.value.strip()]
+    devices: list[CalibrationError] = []
     for field in fields:
         if field.role == "fisheye":
             is_fisheye = truth(field.value)
@@ -42,10 +43,18 @@ def stated_model(fields: Sequence[Field], where: str) -> LensModel | None:
     # A camera model `pinhole` says how rays reach the lens; the distortion model is the finer statement.
     for field in sorted(words, key=lambda each: "dist" not in plain(each.path)):
         kind = fine if "dist" in plain(field.path) else coarse
-        if kind is coarse and fine and is_unknown_model(str(field.value)):
-            # The name of a device, where the lens model is stated elsewhere.
-            continue
-        kind.append((field.path, named_model(str(field.value), where, field.path)))
+        try:
+            kind.append((field.path, named_model(str(field.value), where, field.path)))
+        except CalibrationError as reason:
+            if kind is coarse and fine and is_unknown_model(str(field.value)):
+                # The name of a device, where the lens model is stated elsewhere.
+                continue
+            if not _may_be_device(field):
+                raise
+            devices.append(reason)
+    if devices and not fine + coarse:
+        text = str(devices[0]).removesuffix("correct it.")
+        raise CalibrationError(f"{text}if it names a device, rename this key to device; or state the lens model.")
     if not fine + coarse:
         return None
     (key, model), *others = fine + coarse
@@ -65,6 +74,16 @@ def is_unknown_model(word: str) -> bool:
     except CalibrationError as reason:
         return "which circlepose does not have" not in str(reason)
     return False
+
+
+def _may_be_device(field: Field) -> bool:
+    """Whether a key such as camera_model may name a device: `HERO8 Black`; never a word of a lens model."""
+    word = str(field.value)
+    is_name = re.search(r"[0-9 ]", word.strip()) is not None
+    is_lens = re.search(
+        r"fish|equi|kannala|omni|pinhole|model|distort|opencv|rad|tan|poly|division|fov|mei|ucm", word, re.I
+    )
+    return is_name and is_lens is None and field.name in ("cameramodel", "model", "cammodel")
 
 
 def named_model(word: str, where: str, key: str) -> LensModel:

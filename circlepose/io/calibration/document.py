@@ -14,6 +14,7 @@ from pathlib import Path
 from circlepose.errors import CalibrationError
 from circlepose.io.calibration.file_storage import parse_storage
 from circlepose.io.calibration.signatures import kind_of
+from circlepose.io.text.sections import load_sections
 from circlepose.io.text.source import MAX_BYTES, Source, read_content
 
 _GZIP = b"\x1f\x8b"
@@ -50,7 +51,7 @@ class Document:
 
     @property
     def entries(self) -> Mapping[str, object]:
-        """The keys and values of a YAML, JSON or FileStorage file; empty for all others."""
+        """The keys and values of a YAML, JSON, TOML, INI or FileStorage file; empty for all others."""
         return self._parsed[0]
 
     @property
@@ -88,8 +89,13 @@ class Document:
         try:
             text = self._messages[0] if self._messages else self.text
             return *parse_storage(text, self.name), None
-        except CalibrationError as problem:
-            return {}, False, problem
+        except CalibrationError as reason:
+            problem = reason
+        try:
+            sections = load_sections(self.text, self.name, CalibrationError)
+        except CalibrationError as reason:
+            return {}, False, reason
+        return (sections, False, None) if sections is not None else ({}, False, problem)
 
 
 def read_document(source: Source) -> Document:

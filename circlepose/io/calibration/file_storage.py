@@ -15,7 +15,8 @@ from circlepose._typing import FloatArray
 from circlepose.errors import CalibrationError
 from circlepose.io.calibration.cameras import listed
 from circlepose.io.marks import COMMENT
-from circlepose.io.text.yaml import MAX_DEPTH, MatrixNode, load_yaml, no_keys
+from circlepose.io.text.validation import brief
+from circlepose.io.text.yaml import MAX_DEPTH, MatrixNode, load_yaml, no_keys, value_problem
 
 _DEPTH = 6
 _MATRIX_TYPES = ("opencv-matrix", "opencv-nd-matrix")
@@ -41,9 +42,30 @@ def parse_storage(text: str, name: str) -> tuple[dict[str, object], bool]:
         entries = _entries(_parse_json(text, name), name)
     else:
         is_opencv = text.lstrip().startswith("%YAML:1.0") or "!!opencv-" in text
-        plain = _NO_BLANK.sub(r"\1: ", text) if is_opencv else text
-        entries = _entries(load_yaml(plain, name, CalibrationError), name)
+        entries = _parse_yaml(_NO_BLANK.sub(r"\1: ", text), name) if is_opencv else _own_yaml(text, name)
     return entries, _has_matrix(entries, 0)
+
+
+def _own_yaml(text: str, name: str) -> dict[str, object]:
+    """Return keys and values; where a text would have some with a blank after each colon, the error says so."""
+    try:
+        return _parse_yaml(text, name)
+    except CalibrationError as problem:
+        key = _NO_BLANK.search(text)
+        if key is None:
+            raise
+        try:
+            _parse_yaml(_NO_BLANK.sub(r"\1: ", text), name)
+        except CalibrationError:
+            raise problem from None
+        line = text.count("\n", 0, key.start(1)) + 1
+        raise CalibrationError(
+            f"{name}, line {line}: {brief(key[1])}: needs a blank after the colon; write `{brief(key[1])}: `."
+        ) from None
+
+
+def _parse_yaml(text: str, name: str) -> dict[str, object]:
+    return _entries(load_yaml(text, name, CalibrationError), name)
 
 
 def _has_matrix(value: object, depth: int) -> bool:
@@ -93,7 +115,7 @@ def _parse_json(text: str, name: str) -> object:
             f"{name}, line {reason.lineno}: is not valid JSON ({reason.msg}); correct this line."
         ) from None
     except ValueError as reason:
-        raise CalibrationError(f"{name}: {reason}.") from None
+        raise CalibrationError(f"{name}: {value_problem(reason)}.") from None
     if _is_deep(document):
         raise CalibrationError(f"{name}: is nested too deeply.")
     return document
@@ -136,7 +158,8 @@ def _parse_xml(text: str, name: str) -> dict[str, object]:
         root = ElementTree.fromstring(text)
         if root.tag != "opencv_storage":
             raise CalibrationError(
-                f"{name}: is XML of another kind (<{root.tag}>); expected OpenCV's <opencv_storage>."
+                f"{name}: is XML of another kind (<{root.tag}>); expected OpenCV's <opencv_storage>, "
+                "or camera_matrix and dist_coeffs as YAML."
             )
         value = _xml_value(root)
     except ElementTree.ParseError as reason:
@@ -144,7 +167,7 @@ def _parse_xml(text: str, name: str) -> dict[str, object]:
     except RecursionError:
         raise CalibrationError(f"{name}: is nested too deeply.") from None
     except ValueError as reason:
-        raise CalibrationError(f"{name}: {reason}.") from None
+        raise CalibrationError(f"{name}: {value_problem(reason)}.") from None
     if not isinstance(value, dict):
         raise CalibrationError(f"{name}: <opencv_storage> holds no keys.")
     return value

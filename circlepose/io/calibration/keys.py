@@ -68,8 +68,8 @@ _LOOSE_MODELS = re.compile(
     r"(?:camera|cam|lens)?type|(?:calib(?:ration)?|intrinsics?)(?:model|type)(?:type|name)?|lens|projection|distortion"
 )
 """keys whose text is a lens model only if it is one that we know"""
-_END = re.compile(r"(?P<stem>.+?)(?P<end>(?:cam(?:era)?)?[0-9]|left|right|[lr])")
-_BEGIN = re.compile(r"(?P<end>(?:cam(?:era)?)?[0-9]|cam(?:era)?(?:left|right)|left|right)(?P<stem>.+)")
+_END = re.compile(r"(?P<stem>.+?)(?P<end>(?:cam(?:era)?)?[0-9]{1,2}|left|right|[lr])")
+_BEGIN = re.compile(r"(?P<end>(?:cam(?:era)?)?[0-9]{1,2}|cam(?:era)?(?:left|right)|left|right)(?P<stem>.+)")
 _ASIDE = re.compile(
     r".*(?:board|pattern|chess|checker|charuco|aruco|april|marker|square|undist|rectif|optimal|extrinsic|stddev|"
     r"covariance|screen).*|(?:orig|output)dimensions?|"

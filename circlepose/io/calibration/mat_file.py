@@ -112,6 +112,8 @@ def _matrix(data: bytes, order: str, depth: int) -> tuple[str, Value | None]:
     _, sizes = next(parts)
     shape = tuple(int(size) for size in np.frombuffer(sizes, f"{order}i4"))
     name = next(parts)[1].decode("latin-1")
+    if any(size < 0 for size in shape):
+        raise ValueError(f"{name[:40]} has a negative number of rows or columns")
     count = math.prod(shape)
     if kind == _STRUCT and count == 1 and depth < _MAX_DEPTH:
         return name, _fields(parts, order, depth)

@@ -11,12 +11,14 @@ from circlepose._arguments import shown
 from circlepose._typing import FloatArray
 from circlepose.camera.camera import Camera, CameraSigma, LensModel
 from circlepose.errors import CalibrationError
+from circlepose.io.text.validation import REMOVE_QUOTES, is_number_in_quotes
 
 
 def number(value: object, where: str, key: str) -> float:
     """Return one number; raises `CalibrationError` naming file and key."""
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise CalibrationError(f"{where}: {key}: expected a number, got {shown(value)}.")
+        hint = REMOVE_QUOTES if is_number_in_quotes(value) else ""
+        raise CalibrationError(f"{where}: {key}: expected a number, got {shown(value)}{hint}.")
     try:
         return float(value)
     except OverflowError:
@@ -26,7 +28,8 @@ def number(value: object, where: str, key: str) -> float:
 def number_list(value: object, where: str, key: str, length: int | None = None) -> list[float]:
     """Return a flat list of numbers, of `length` if that is given."""
     if not isinstance(value, Sequence) or isinstance(value, str):
-        raise CalibrationError(f"{where}: {key}: expected a list of numbers, got {shown(value)}.")
+        hint = "; write it as a list, [...], without quotes" if isinstance(value, str) else ""
+        raise CalibrationError(f"{where}: {key}: expected a list of numbers, got {shown(value)}{hint}.")
     if length is not None and len(value) != length:
         raise CalibrationError(f"{where}: {key}: expected {length} numbers, got {len(value)}.")
     return [number(each, where, key) for each in value]

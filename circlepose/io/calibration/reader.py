@@ -25,6 +25,7 @@ from circlepose.io.calibration.file_storage import storage_text
 from circlepose.io.calibration.form import Reading
 from circlepose.io.calibration.lens_models import plain
 from circlepose.io.calibration.registry import form_of
+from circlepose.io.text.escaping import printable
 from circlepose.io.text.source import Source
 
 _Entries = Mapping[str, object]
@@ -58,8 +59,9 @@ class CameraFile:
         """Raise `CalibrationError` on what no camera has: file, key, what it looks like and how to `insist`."""
         for doubt in self.doubts:
             if doubt.is_grave:
+                path = printable(str(self.path))
                 raise CalibrationError(
-                    f"{self.path}: {doubt.about}: {doubt.text}. To measure with it all the same, {insist}."
+                    f"{path}: {doubt.about}: {doubt.text}. To measure with it all the same, {insist}."
                 )
 
 
@@ -102,6 +104,14 @@ def read_camera_file(source: Source, camera_name: str | None = None) -> CameraFi
     CalibrationError
         One sentence: the file, the key, what is expected and what to do.
     """
+    try:
+        return _read(source, camera_name)
+    except CalibrationError as error:
+        # A key or a file's name may hold what would steer a terminal, or a line end.
+        raise CalibrationError(printable(str(error))) from None
+
+
+def _read(source: Source, camera_name: str | None) -> CameraFile:
     document = read_document(source)
     form = form_of(document)
     entries, name = document.entries, document.name
@@ -110,7 +120,9 @@ def read_camera_file(source: Source, camera_name: str | None = None) -> CameraFi
         raise CalibrationError(f"{name}: target: expected a mapping such as {{radius_mm: 60}}, got {shown(target)}.")
     reading = form.read(document, camera_name)
     found = sorted(_doubts(reading, entries, camera_name, name), key=lambda doubt: not doubt.is_grave)
-    return CameraFile(reading.camera, form.name, Path(name), target, reading.notes, tuple(found))
+    shown_doubts = tuple(replace(each, about=printable(each.about), text=printable(each.text)) for each in found)
+    notes = tuple(map(printable, reading.notes))
+    return CameraFile(reading.camera, form.name, Path(name), target, notes, shown_doubts)
 
 
 def write_camera(camera: Camera, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:

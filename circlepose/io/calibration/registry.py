@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from circlepose.errors import CalibrationError
 from circlepose.io.calibration.document import Document
+from circlepose.io.calibration.foreign import kind_of_foreign
 from circlepose.io.calibration.form import Form
 from circlepose.io.calibration.forms import (
     basalt,
@@ -17,6 +18,7 @@ from circlepose.io.calibration.forms import (
     colmap,
     depthai,
     kalibr,
+    kitti,
     limelight,
     mat,
     matlab,
@@ -37,6 +39,7 @@ from circlepose.io.calibration.forms import (
     ros,
     ros_ini,
     stella_vslam,
+    zed,
     zivid,
 )
 from circlepose.io.calibration.unknown import unknown_form
@@ -68,6 +71,8 @@ FORMS: tuple[Form, ...] = (
     openptv.FORM,
     opensfm.FORM,
     mat.FORM,
+    kitti.FORM,
+    zed.FORM,
     native.FORM,
     opencv.FORM,
     plain.FORM,
@@ -77,6 +82,9 @@ FORMS: tuple[Form, ...] = (
 
 def form_of(document: Document) -> Form:
     """Return the form of a document; raises `CalibrationError` where it is none that is known, or two at once."""
+    foreign = kind_of_foreign(document)
+    if foreign is not None:
+        raise CalibrationError(f"{document.name}: {foreign}.")
     specific = [form for form in FORMS if not form.is_generic and form.recognizes(document)]
     if len(specific) > 1:
         names = " and ".join(form.name for form in specific)

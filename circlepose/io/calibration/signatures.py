@@ -38,6 +38,13 @@ _BY_BYTES: tuple[tuple[bytes, str], ...] = (
     ),
     (rb"%PDF-", f"is a PDF; {_AS_TEXT}"),
     (rb"PAR1", "is a table (Parquet), no calibration; give the file with the camera matrix"),
+    (rb"ARROW1|FEA1", "is a table (Arrow), no calibration; write the row of one camera as YAML"),
+    (
+        rb"BLENDER",
+        "is a Blender scene, no calibration; write fx = fy = (focal length in mm) / (width of the sensor in mm) * "
+        "(width of the image in px), cx = (width - 1) / 2, cy = (height - 1) / 2 as YAML",
+    ),
+    (rb"\xff\xfe\0\0|\0\0\xfe\xff", "is UTF-32 text; save it as UTF-8"),
     (rb"\x7fELF|MZ", "is a program, no calibration; give the file with the camera matrix"),
 )
 _BY_TEXT: tuple[tuple[str, str], ...] = (
@@ -63,7 +70,7 @@ _BY_TEXT: tuple[tuple[str, str], ...] = (
         "is a table of poses, no calibration; give the file with the camera matrix",
     ),
     (
-        r"\((?:dp|lp)\d|c(?:numpy|builtins|copy_reg|__builtin__|_codecs)\b[\w.]*\n",
+        r"\((?:dp|lp)\d|c(?:numpy|builtins|copy_reg|__builtin__|_codecs)\b[\w.]*\n|c[\w.]+\n\w+\n(?:p\d+\n|[(q)])",
         f"is a Python pickle, which is never loaded, since it may run any program; {_AS_TEXT} "
         "(json.dump of matrix.tolist()), or numpy.savez",
     ),

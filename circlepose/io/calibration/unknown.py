@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from circlepose.errors import CalibrationError
 from circlepose.io.calibration.document import Document
+from circlepose.io.calibration.matrix_text import kind_of_matrix
 from circlepose.io.calibration.signatures import kind_of, kind_of_keys, kind_of_text
+from circlepose.io.text.sections import looks_like_sections
 from circlepose.io.text.validation import some_keys
 
 _EXPECTED = "expected camera_matrix and dist_coeffs, or fx, fy, cx, cy and k1, k2, p1, p2"
@@ -16,7 +18,7 @@ def unknown_form(document: Document) -> CalibrationError:
     name, text = document.name, document.text
     what = kind_of(document.content)
     if what is None and text is not None:
-        what = kind_of_text(text) or kind_of_keys(document.entries)
+        what = kind_of_text(text) or kind_of_matrix(text) or kind_of_keys(document.entries)
     if what is not None:
         return CalibrationError(f"{name}: {what}.")
     if text is None:
@@ -24,7 +26,7 @@ def unknown_form(document: Document) -> CalibrationError:
             f"{name}: is a binary file of no known form; expected the calibration of a camera, such as YAML, JSON, "
             "XML or .npz."
         )
-    if document.problem is not None and _is_meant_as_keys(text):
+    if document.problem is not None and (_is_meant_as_keys(text) or looks_like_sections(text)):
         return document.problem
     if not document.entries:
         return CalibrationError(f"{name}: is text of no known form of a calibration; {_EXPECTED}.")

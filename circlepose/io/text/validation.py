@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
 from typing import TypeVar, get_args
@@ -11,6 +12,9 @@ from pydantic_core import ErrorDetails
 
 from circlepose._arguments import shown
 from circlepose.errors import CircleposeError
+
+REMOVE_QUOTES = "; remove the quotes"
+_NUMBER = re.compile(r"[-+]?(?:\d{1,30}\.?\d{0,30}|\.\d{1,30})(?:[eE][-+]?\d{1,3})?")
 
 
 class Strict(BaseModel):
@@ -46,6 +50,13 @@ def unknown_key(key: str, known: Iterable[str]) -> str:
     return f"{some_keys([key])}: is no known key; {hint}"
 
 
+def is_number_in_quotes(value: object) -> bool:
+    """Whether a value is a text that would be a number without its quotes, or a list with such a text."""
+    if isinstance(value, list):
+        return any(isinstance(each, str) and is_number_in_quotes(each) for each in value)
+    return isinstance(value, str) and _NUMBER.fullmatch(value.strip()) is not None
+
+
 def brief(text: str) -> str:
     """Return a text found in a file, or the beginning of a long one, for a message."""
     return text if len(text) <= 200 else f"{text[:200]}..."
@@ -69,7 +80,8 @@ def _sentence(form: type[Strict], entries: Mapping[str, object], detail: ErrorDe
         expected = _expected(level, part)
         value, level = value.get(part), _nested(level, part)
         fields.append(part)
-    return f"{'.'.join(fields)}: expected {expected}, got {shown(value)}."
+    hint = REMOVE_QUOTES if is_number_in_quotes(value) else ""
+    return f"{'.'.join(fields)}: expected {expected}, got {shown(value)}{hint}."
 
 
 def _expected(form: type[Strict], key: str) -> str:

@@ -200,6 +200,12 @@ def no_keys(document: object, example: str = "") -> str:
     return f"expected keys and values{such}; found {found}"
 
 
+def value_problem(reason: ValueError) -> str:
+    """Return what is wrong with a value of a file; of a number with thousands of digits, which Python refuses, so."""
+    is_long = "integer string conversion" in str(reason)
+    return "holds a whole number of thousands of digits" if is_long else str(reason).partition("\n")[0]
+
+
 def load_yaml(text: str, name: str, error: type[CircleposeError]) -> object:
     """Return the one document that `text` holds, None if it is empty; `name` is the file's, for messages.
 
@@ -218,7 +224,9 @@ def load_yaml(text: str, name: str, error: type[CircleposeError]) -> object:
         mark = reason.problem_mark or reason.context_mark
         line = f", line {mark.line + 1}" if mark else ""
         raise error(f"{name}{line}: is not valid YAML ({brief(reason.problem or reason.context or '')}).") from None
-    except (yaml.YAMLError, ValueError) as reason:
+    except ValueError as reason:
+        raise error(f"{name}: is not valid YAML ({brief(value_problem(reason))}).") from None
+    except yaml.YAMLError as reason:
         first_line = str(reason).partition("\n")[0]
         raise error(f"{name}: is not valid YAML ({brief(first_line)}).") from None
     if len(documents) > 1:

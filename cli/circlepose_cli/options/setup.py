@@ -12,6 +12,7 @@ from circlepose.errors import CalibrationError, TargetError, UsageError
 from circlepose.io.calibration.reader import CameraFile, read_camera_file
 from circlepose.io.remote.images import Place, RemoteFile
 from circlepose.io.target_file import find_beside, read_target, target_from_mapping
+from circlepose.io.text.escaping import printable
 from circlepose.targets import Direction
 from circlepose.targets.hints import NORMAL_SPREAD_DEG, UP_SPREAD_DEG, DirectionHint
 from circlepose.targets.target import AxisIntervals, Target
@@ -71,7 +72,9 @@ class Setups:
         path = self._known.calib or _beside(folder, "camera")
         if path is None:
             beside = "" if isinstance(folder, RemoteFile) else " or put a camera.yaml beside them"
-            raise UsageError(f"{folder}: no calibration for the images there; give --calib FILE{beside}.")
+            raise UsageError(
+                f"{printable(str(folder))}: no calibration for the images there; give --calib FILE{beside}."
+            )
         if path not in self._cameras:
             camera_file = read_camera_file(path, self._known.camera_name)
             if not self._force_calibration:
@@ -80,9 +83,9 @@ class Setups:
         camera_file = self._cameras[path]
         target, origin, target_path = self._find_target(folder, camera_file)
         target = _overridden(target, self._known)
-        notes = [] if self._known.calib is not None else [f"{path}: {_FOUND} as calibration"]
+        notes = [] if self._known.calib is not None else [f"{printable(str(path))}: {_FOUND} as calibration"]
         notes += [
-            f"{path}: {note}{'' if note.endswith('?') else '.'}"
+            f"{printable(str(path))}: {note}{'' if note.endswith('?') else '.'}"
             for note in (*camera_file.notes, *(d.text for d in camera_file.doubts))
         ]
         if self._known.radius_mm is None and self._known.target_file is None:
@@ -113,7 +116,7 @@ class Setups:
 def _check_exists(path: Place) -> None:
     """Raise `UsageError` where a file of this machine is not there."""
     if not isinstance(path, RemoteFile) and not os.path.lexists(path):
-        raise UsageError(f"{path}: there is no such file or folder; check the path.")
+        raise UsageError(f"{printable(str(path))}: there is no such file or folder; check the path.")
 
 
 def _described(target: Target) -> str:

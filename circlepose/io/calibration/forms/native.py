@@ -80,6 +80,9 @@ def _is_column_by_column(matrix: object) -> bool:
 
 def camera_of(entries: Mapping[str, object], where: str) -> Camera:
     """Return the camera that our own keys describe; raises `CalibrationError` naming `where` and the key."""
+    model = entries.get("model")
+    if isinstance(model, str) and model.lower() in LENS_MODELS:
+        entries = {**entries, "model": model.lower()}
     form = parse(_CameraForm, entries, where, CalibrationError)
     size = None
     if form.image_size is not None:

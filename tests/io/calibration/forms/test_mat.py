@@ -103,6 +103,7 @@ for _ in range(20):
         (mat(struct.pack("<II", 15, len(BOMB)) + BOMB), "it unpacks to more than 20 MB"),
         (mat(numeric(b"K", (2**30, 2**30), b"")), "found no numbers"),
         (mat(numeric(b"K", (3, 3), b"\0" * 8)), "it is damaged (cannot reshape array"),
+        (mat(numeric(b"K", (-3, -3), b"\0" * 72)), "K has a negative number of rows or columns"),
         (mat(numeric(b"K", (1, 1), b"\0" * 8, stored=77)), "K is stored in an unknown type"),
         (mat(struct.pack("<II", 14, 900)), "an element is longer than the file"),
         (mat(element(14, element(6, b""))), "it is damaged"),

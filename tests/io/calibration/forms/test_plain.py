@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 import math
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -214,3 +215,140 @@ def test_every_encoding_in_which_keys_and_numbers_are_clear(encoding: str, line_
     remark = {"latin-1": "# Müllers Gerät", "cp932": "# カメラの校正"}.get(encoding, "# camera")
     text = line_end.join([remark, f"K: {K}", f"D: {D}", "image_size: [1280, 960]", ""])
     check_terms(read_camera_file(text.encode(encoding)), TERMS)
+
+
+TOML = f"""[cam_0]
+name = "left"
+size = [ 1280, 960,]
+matrix = [ [ {FX}, 0.0, {CX},], [ 0.0, {FY}, {CY},], [ 0.0, 0.0, 1.0,],]
+distortions = {D}
+rotation = [ 0.1, 0.2, 0.3,]
+translation = [ 1.0, 2.0, 3.0,]
+
+[cam_1]
+name = "right"
+size = [ 1280.0, 960.0]
+matrix = [ [ {FX}, 0.0, {CX},], [ 0.0, {FY}, {CY},], [ 0.0, 0.0, 1.0,],]
+distortions = [-0.02, 0.004, -0.001, 0.0002]
+fisheye = true
+
+[metadata]
+error = 0.5
+"""
+INI = f"[camera]\nresolution = [1280 960]\nfx = {FX} ; px\nfy={FY}\ncx: {CX}\ncy = {CY}\nname = a b\n"
+
+
+def test_toml_as_anipose_and_pose2sim_write_it() -> None:
+    first = read_camera_file(TOML.encode())
+    assert (first.form, first.camera.image_size) == ("keys and values", SIZE)
+    assert "cam_0 taken, of the 2 cameras cam_0, cam_1" in first.notes
+    check_terms(first, TERMS)
+    for name in ("cam_1", "right"):
+        second = read_camera_file(TOML.encode(), name)
+        check_terms(second, {"k1": -0.02, "k2": 0.004, "k3": -0.001, "k4": 0.0002}, fisheye=True)
+
+
+@pytest.mark.parametrize(
+    "lens",
+    [
+        f"dist = [{' '.join(map(str, D))}]",
+        f"dist = {', '.join(map(str, D))}",
+        "\n".join(f"{key} = {value}" for key, value in TERMS.items()),
+        "[distortion]\n" + "\n".join(f"{key.upper()} = {value}  # remark" for key, value in TERMS.items()),
+    ],
+)
+def test_ini(lens: str) -> None:
+    file = read_camera_file(f"{INI}{lens}\n".encode())
+    assert file.camera.image_size == SIZE
+    check_terms(file, TERMS)
+
+
+@pytest.mark.parametrize(
+    ("entries", "says"),
+    [
+        ({**FLAT, "fx": "905.5", "k1": 0.1}, "fx: expected a number, got '905.5'; remove the quotes"),
+        ({**FLAT, "fx": "905.5"}, "got '905.5'; remove the quotes"),
+        ({**FLAT, "k1": "0.1"}, "k1: expected a number, got '0.1'; remove the quotes"),
+        ({"K": [[str(each) for each in row] for row in K], "D": D}, "got '1180.5'; remove the quotes"),
+        ({"K": K, "D": "0.1 0.2 0 0 0"}, "D: expected [k1, k2, p1, p2, k3], or [] for no distortion, got the text"),
+        ({"K": K, "dist_coeffs": "[0.1, 0.2, 0, 0]"}, "write the numbers here as a list, without quotes"),
+        ({"K": K, "distortion": "dist.npy"}, "distortion: expected [k1, k2, p1, p2, k3], or []"),
+        ({"K": "900 0 640 0 900 480 0 0 1", "D": D}, "K: expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], got the"),
+        ({"camera_matrix": K, "dist_coeffs": ["0.1", 0, 0, 0]}, "got ['0.1', 0, 0, 0]; remove the quotes"),
+        ({**FLAT, "fx": [905, 5], "k1": 0.1}, "fx: expected a number, with a point and not a comma, got [905, 5]"),
+        ({**FLAT, "radial_distortion_1": 0.03}, "expected dist_coeffs, or k1, k2, p1, p2, k3; rename it so"),
+        ({**FLAT, "k1": 0.1, "camera_model": "HERO8 Black"}, "if it names a device, rename this key to device"),
+        (
+            {**FLAT, "k1": 0.1, "camera_model": "omnidir 2", "distortion_model": "radtan"},
+            "is an omnidirectional",
+        ),
+        ([{"camera_intrinsic": []}], "camera_intrinsic: expected a matrix or a list of numbers, got []"),
+    ],
+)
+def test_texts_in_place_of_numbers_and_names_in_place_of_models(entries: Any, says: str) -> None:
+    assert says in refused(entries)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("fx:900\nfy:900\ncx:640\ncy:480\n", "line 1: fx: needs a blank after the colon; write `fx: `"),
+        ("fx: 900\nfy:900\ncx: 640\ncy: 480\n", "line 2: fy: needs a blank after the colon"),
+        ("[camera]\nfx = 9 px\nfy = 9\ncx = 3\ncy = 3\nrubbish\n", "line 6: is neither `[section]` nor `key"),
+        (f"fx: {'9' * 5000}\n", "holds a whole number of thousands of digits"),
+        (f'{{"fx": {"9" * 5000}}}', "holds a whole number of thousands of digits"),
+    ],
+)  # fmt: skip
+def test_slips_of_syntax(text: str, says: str) -> None:
+    assert says in refused(text.encode())
+
+
+@pytest.mark.parametrize(
+    "key", ["new_camera_matrix", "optimal_camera_matrix", "newcameramtx", "newCameraMatrix", "new_mtx"]
+)
+def test_the_camera_matrix_of_undistorted_images_is_passed_over(key: str) -> None:
+    file = read({"camera_matrix": K, "dist_coeffs": D, "image_size": SIZE, key: [[1.0, 0, 1], [0, 1, 1], [0, 0, 1]]})
+    assert file.notes == (f"not used: {key}",)
+    check_terms(file, TERMS)
+
+
+def test_names_of_devices_and_capitals_of_models() -> None:
+    entries = {**FLAT, **TERMS, "camera_model": "HERO8 Black", "distortion_type": "plumb_bob", "date": 1}
+    check_terms(read(entries), TERMS)
+    fisheye = [-0.02, 0.004, -0.001, 0.0002]
+    file = read({**FLAT, "model": "Fisheye", "dist_coeffs": fisheye})
+    assert file.form == "circlepose"
+    check_terms(file, {f"k{i}": each for i, each in enumerate(fisheye, 1)}, fisheye=True)
+
+
+def test_sensors_without_a_matrix_are_no_cameras_and_lists_have_no_name() -> None:
+    sensors = [{"token": "a", "camera_intrinsic": []}, {"token": "b", "camera_intrinsic": K}]
+    check_terms(read(sensors), {})
+    check_terms(read(sensors, "1"), {})
+    panoptic = {"cameras": [{"name": "00_00", "resolution": SIZE, "K": K, "distCoef": D}]}
+    check_terms(read(panoptic, "00_00"), TERMS)
+    assert "holds no camera '0'; its cameras are 00_00." in refused(panoptic, "0")
+
+
+def test_cameras_of_two_digits() -> None:
+    entries = {"K_01": K, "dist_01": D, "K_02": K, "dist_02": [0.5, 0, 0, 0, 0], "H_02": 960, "W_02": 1280}
+    check_terms(read(entries), TERMS)
+    second = read(entries, "02")
+    check_terms(second, {"k1": 0.5})
+    assert second.camera.image_size == SIZE
+    many = {f"{key}{i}": value for i in range(1, 12) for key, value in (("K", K), ("D", [i / 100, 0, 0, 0, 0]))}
+    assert read(many).notes[0].startswith("K1 taken, of the 11 cameras K1, K2, K3,")
+    check_terms(read(many, "11"), {"k1": 0.11})
+
+
+def test_nothing_in_a_file_steers_a_terminal(tmp_path: Path) -> None:
+    key = "b\x1b[31m\u202eoard"
+    path = tmp_path / "a\nb.json"
+    path.write_text(json.dumps({**FLAT, **TERMS, "width": 1280, "height": 960, key: 3}))
+    file = read_camera_file(path)
+    assert file.notes == ("not used: b\\x1b[31m\\u202eoard",)
+    path.write_text(json.dumps({**FLAT, key: {"dist_terms": [1.0, 2.0]}}))
+    with pytest.raises(CalibrationError) as caught:
+        read_camera_file(path)
+    assert str(caught.value).isprintable()
+    assert "a\\nb.json: b\\x1b[31m" in str(caught.value)
