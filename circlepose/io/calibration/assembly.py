@@ -14,9 +14,7 @@ from circlepose.io.calibration import distortion, numbers
 from circlepose.io.calibration.form import Reading
 from circlepose.io.calibration.keys import (
     COEFFICIENTS,
-    DISTORTION_ROLES,
     Field,
-    field_of,
     is_matrix,
     looks_like_distortion,
     near_name,
@@ -24,6 +22,7 @@ from circlepose.io.calibration.keys import (
 )
 from circlepose.io.calibration.leftovers import is_something, refuse_order, refuse_unused
 from circlepose.io.calibration.lens_models import plain
+from circlepose.io.calibration.text_values import check_text
 from circlepose.io.text.validation import brief, some_keys
 
 _Fields = Sequence[Field]
@@ -38,8 +37,6 @@ _OF_OTHER_IMAGES = re.compile(
     r"(?:new|optimal|optim|rectified|rect|undistorted)(?:optimal)?(?:camera|cam|intrinsics?)?(?:matrix|mtx|k|roi|size)"
 )
 """camera matrices of the images that were undistorted with this calibration"""
-_SOME_NUMBERS = re.compile(r"[\s\d.,;eE+\-\[\](){}]*\d[\s\d.,;eE+\-\[\](){}]*")
-_FILE_NAME = re.compile(r"[^\n]{1,300}\.(?:txt|npy|npz|csv|ya?ml|json|xml|mat|bin|dat|pkl)", re.IGNORECASE)
 _MOST_COMPARED = 500
 """A key is compared with those that we know in 0.2 ms."""
 _EXPECTED = {
@@ -105,7 +102,7 @@ def _check_unknown(fields: _Fields, where: str) -> None:
                 f"{where}: {field.path}: it is not clear of which camera this distortion is; put it to the keys of "
                 "its camera, or name it as the camera matrix is named (K1, D1)."
             )
-        _check_text(field, where)
+        check_text(field, where, _EXPECTED)
         if field.role or _OF_OTHER_IMAGES.fullmatch(field.name):
             continue
         if looks_like_distortion(field) and is_something(field.value):
@@ -128,25 +125,6 @@ def _check_unknown(fields: _Fields, where: str) -> None:
             )
         if near is not None:
             raise CalibrationError(f"{where}: {brief(field.path)}: is no known key; did you mean {near}?")
-
-
-def _check_text(field: Field, where: str) -> None:
-    """Refuse text that holds, or names a file of, a matrix or coefficients; and `fx = 905,5`."""
-    if not field.role and field.name in ("fx", "fy", "cx", "cy") and isinstance(field.value, list):
-        raise CalibrationError(
-            f"{where}: {field.path}: expected a number, with a point and not a comma, got {shown(field.value)}."
-        )
-    if field.role or not isinstance(field.value, str):
-        return
-    group, _, key = field.path.rpartition(".")
-    role = field_of(key, [0.0, 0.0], field.path, group.rpartition(".")[2]).role
-    if role == "matrix" or role in DISTORTION_ROLES:
-        is_needed = role != "matrix" or _SOME_NUMBERS.fullmatch(field.value)
-        if is_needed and (_SOME_NUMBERS.fullmatch(field.value) or _FILE_NAME.fullmatch(field.value)):
-            raise CalibrationError(
-                f"{where}: {field.path}: expected {_EXPECTED.get(role, '[k1, k2, p1, p2, k3]')}, got the text "
-                f"{shown(field.value)}; write the numbers here as a list, without quotes."
-            )
 
 
 # --- The camera matrix ---
