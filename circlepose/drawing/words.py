@@ -22,7 +22,8 @@ DOUBTFUL_FROM = 0.05
 """From this ambiguity on a choice is shown as doubtful: one in twenty such poses is the wrong one."""
 _EVEN = 0.45
 """From this ambiguity on both poses are said to be equally possible."""
-_SURE = 0.0005
+SURE = 0.0005
+"""Below this ambiguity nothing is said of the other pose."""
 ROW_NAMES = ("instance", "center, mm", "normal", "sigma of center, mm", "of normal", "choice")
 
 
@@ -50,7 +51,7 @@ def choice(circle: CircleResult) -> str:
     if is_doubtful(circle):
         return f"{doubt}, by {cue}" if cue else doubt
     settled = f"settled by {cue}" if cue else ""
-    return ", ".join(part for part in (settled, doubt if circle.ambiguity >= _SURE else "") if part) or "settled"
+    return ", ".join(part for part in (settled, doubt if circle.ambiguity >= SURE else "") if part) or "settled"
 
 
 def without_advice(reason: str) -> str:

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 
 from circlepose._arguments import shown
 from circlepose.camera.camera import LensModel
+from circlepose.camera.lens import PINHOLE_COUNTS
 from circlepose.errors import CalibrationError
 from circlepose.io.calibration import numbers
 from circlepose.io.calibration.keys import (
@@ -17,7 +18,7 @@ from circlepose.io.calibration.keys import (
     is_in_fisheye_group,
     truth,
 )
-from circlepose.io.calibration.lens_models import PINHOLE_COUNTS, lens_model, plain
+from circlepose.io.calibration.lens_models import is_lens_model, known_model, lens_model, plain
 from circlepose.io.text.validation import some_keys
 
 _TERM = re.compile(r"k[1-6]|p[12]|s[1-4]|tau[xy]")
@@ -46,7 +47,7 @@ def stated_model(fields: Sequence[Field], where: str) -> LensModel | None:
         try:
             kind.append((field.path, named_model(str(field.value), where, field.path)))
         except CalibrationError as reason:
-            if kind is coarse and fine and is_unknown_model(str(field.value)):
+            if kind is coarse and fine and not is_lens_model(_stated_name(str(field.value))):
                 # The name of a device, where the lens model is stated elsewhere.
                 continue
             if not _may_be_device(field):
@@ -67,15 +68,6 @@ def stated_model(fields: Sequence[Field], where: str) -> LensModel | None:
     return model
 
 
-def is_unknown_model(word: str) -> bool:
-    """Whether a text names no lens model, neither one of ours nor one that we lack."""
-    try:
-        named_model(word, "", "")
-    except CalibrationError as reason:
-        return "which circlepose does not have" not in str(reason)
-    return False
-
-
 def _may_be_device(field: Field) -> bool:
     """Whether a key such as camera_model may name a device: `HERO8 Black`; never a word of a lens model."""
     word = str(field.value)
@@ -88,13 +80,13 @@ def _may_be_device(field: Field) -> bool:
 
 def named_model(word: str, where: str, key: str) -> LensModel:
     """Return the model that a text names, with or without explanations: `opencv: k1 k2 p1 p2 k3`."""
-    try:
-        return lens_model(word, where, key)
-    except CalibrationError:
-        first = re.split(r"[:(,]", word)[0]
-        if first == word or not plain(first):
-            raise
-        return lens_model(first, where, key)
+    return lens_model(_stated_name(word), where, key)
+
+
+def _stated_name(word: str) -> str:
+    """Return a text without the explanations behind the name of a model, unless it is one as a whole."""
+    first = re.split(r"[:(,]", word)[0]
+    return word if known_model(word) is not None or not plain(first) else first
 
 
 def coefficients(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import codecs
 import os
 import re
-import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,10 +14,8 @@ from circlepose.errors import CalibrationError
 from circlepose.io.calibration.file_storage import parse_storage
 from circlepose.io.calibration.signatures import kind_of
 from circlepose.io.text.sections import load_sections
-from circlepose.io.text.source import MAX_BYTES, Source, read_content
+from circlepose.io.text.source import MAX_BYTES, Source, read_content, unpacked
 
-_GZIP = b"\x1f\x8b"
-_MOST_PARTS = 100
 _UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 _LEAST_UTF_16 = 16
 _MOSTLY = 0.4
@@ -102,8 +99,7 @@ def read_document(source: Source) -> Document:
     """Return the file at a path, in bytes or behind an open handle; raises `CalibrationError` where there is none."""
     _refuse_large(source)
     content, name = read_content(source, CalibrationError)
-    if content.startswith(_GZIP):
-        content = _unpacked(content, name)
+    content = unpacked(content, name, CalibrationError, MAX_BYTES)
     if not content.strip():
         raise CalibrationError(f"{name}: is empty; expected the calibration of a camera.")
     return Document(name, content)
@@ -144,25 +140,3 @@ def _refuse_large(source: Source) -> None:
     what = kind_of(begin) if is_large else None
     if what is not None:
         raise CalibrationError(f"{os.fspath(source)}: {what}.")
-
-
-def _unpacked(content: bytes, name: str) -> bytes:
-    unpacked = b""
-    # A file may be packed in parts, and padded with zeros.
-    for _ in range(_MOST_PARTS):
-        unpack = zlib.decompressobj(31)
-        try:
-            part = unpack.decompress(content, MAX_BYTES + 1 - len(unpacked))
-        except zlib.error as reason:
-            raise CalibrationError(f"{name}: is gzipped and damaged ({reason}); copy it again.") from None
-        unpacked += part
-        if len(unpacked) > MAX_BYTES:
-            raise CalibrationError(
-                f"{name}: unpacks to more than {MAX_BYTES // 1_000_000} MB; expected a small file."
-            )
-        if not unpack.eof:
-            raise CalibrationError(f"{name}: is gzipped and ends early; copy it again.")
-        content = unpack.unused_data.lstrip(b"\0")
-        if not content:
-            return unpacked
-    raise CalibrationError(f"{name}: is gzipped in more than {_MOST_PARTS} parts; pack it again in one.")

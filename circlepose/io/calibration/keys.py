@@ -12,8 +12,7 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import lru_cache
 
-from circlepose.errors import CalibrationError
-from circlepose.io.calibration.lens_models import lens_model, plain
+from circlepose.io.calibration.lens_models import is_lens_model, plain
 from circlepose.io.text.yaml import MatrixNode
 
 COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tau_x", "tau_y")
@@ -139,11 +138,6 @@ def _meanings(name: str) -> tuple[tuple[str, str, str], ...]:
     )
 
 
-def is_group(value: object) -> bool:
-    """Whether a value is a mapping of keys that may be parts of a camera, not a matrix."""
-    return isinstance(value, Mapping) and not is_matrix(value)
-
-
 def is_matrix(value: object) -> bool:
     """Whether a value is a list, or a matrix of rows, cols and data."""
     return isinstance(value, MatrixNode | list) or (
@@ -243,7 +237,7 @@ def _fits(role: str, stem: str, value: object) -> bool:
     if role == "focal":
         return _is_pair(value) or _is_number(value)
     if role == "model":
-        return isinstance(value, str) and (not _LOOSE_MODELS.fullmatch(stem) or _is_model(value))
+        return isinstance(value, str) and (not _LOOSE_MODELS.fullmatch(stem) or is_lens_model(value))
     if role == "fisheye":
         return isinstance(value, int | float) or ("fisheye" in stem and truth(value) is not None)
     if role == "error":
@@ -259,11 +253,3 @@ def _is_number(value: object) -> bool:
 
 def _is_pair(value: object) -> bool:
     return isinstance(value, list) and len(value) == 2
-
-
-def _is_model(word: str) -> bool:
-    try:
-        lens_model(word, "", "")
-    except CalibrationError as reason:
-        return "which circlepose does not have" in str(reason)
-    return True

@@ -24,7 +24,7 @@ from circlepose.io.calibration.keys import (
     says_fisheye,
     truth,
 )
-from circlepose.io.calibration.lens_models import lens_model, plain
+from circlepose.io.calibration.lens_models import is_lens_model, known_model, plain
 from circlepose.io.text.validation import brief
 
 _FISHEYE_ORDER = ("k1", "k2", "k3", "k4")
@@ -169,11 +169,11 @@ def _is_table(field: Field) -> bool:
 def _states_other_model(field: Field, camera: Camera) -> bool:
     if field.role != "model" or not isinstance(field.value, str) or is_neutral(field.value):
         return False
-    try:
-        return lens_model(field.value, "", "") != camera.model
-    except CalibrationError as reason:
-        # A camera model that is no lens model may be the name of a device.
-        return "dist" in field.name or "which circlepose does not have" in str(reason)
+    model = known_model(field.value)
+    if model is not None:
+        return model != camera.model
+    # A camera model that is no lens model may be the name of a device.
+    return "dist" in field.name or is_lens_model(field.value)
 
 
 def _is_other_unit(field: Field) -> bool:

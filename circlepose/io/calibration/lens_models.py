@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 
 from circlepose._arguments import shown
 from circlepose.camera.camera import LensModel
+from circlepose.camera.lens import PINHOLE_COUNTS
 from circlepose.errors import CalibrationError
 
 # Names are compared in lower case, without separators.
@@ -51,27 +52,44 @@ _LACKING: Mapping[str, tuple[str, str]] = {
     r".*ftheta.*": ("the f-theta model", _AGAIN),
     r"equirectangular|latlon|lonlat|ster[ei]ographic": ("a map of directions, not the image of a lens", _AGAIN),
 }
-PINHOLE_COUNTS = (0, 4, 5, 8, 12, 14)
-"""how many coefficients OpenCV's pinhole models have"""
 
 
 def lens_model(word: object, where: str, key: str) -> LensModel:
     """Return the model that `word` names; raises `CalibrationError`, for a model that we lack with the way out."""
-    name = plain(word) if isinstance(word, str) else ""
-    name = name.removeprefix("lensmodel").removeprefix("distortion")
-    if name in _PINHOLE:
-        return "pinhole"
-    if name in _FISHEYE:
-        return "fisheye"
-    for pattern, (meant, way_out) in _LACKING.items():
-        if re.fullmatch(pattern, name):
-            raise CalibrationError(
-                f"{where}: {key}: {shown(word)} is {meant}, which circlepose does not have; {way_out}."
-            )
+    text = word if isinstance(word, str) else ""
+    model, lacking = known_model(text), _lacking(text)
+    if model is not None:
+        return model
+    if lacking is not None:
+        meant, way_out = lacking
+        raise CalibrationError(
+            f"{where}: {key}: {shown(word)} is {meant}, which circlepose does not have; {way_out}."
+        )
     raise CalibrationError(
         f"{where}: {key}: expected a pinhole model (such as plumb_bob, radtan, rational_polynomial) or a fisheye "
         f"model (such as equidistant, fisheye), got {shown(word)}; correct it."
     )
+
+
+def known_model(word: str) -> LensModel | None:
+    """Return the model of ours that `word` names; None where it names another, or none."""
+    name = _name(word)
+    return "pinhole" if name in _PINHOLE else "fisheye" if name in _FISHEYE else None
+
+
+def is_lens_model(word: str) -> bool:
+    """Whether `word` names a lens model: one of ours, or one that we lack."""
+    return known_model(word) is not None or _lacking(word) is not None
+
+
+def _lacking(word: str) -> tuple[str, str] | None:
+    """Return what a model that we lack is, and the way out; None where `word` names no such model."""
+    name = _name(word)
+    return next((what for pattern, what in _LACKING.items() if re.fullmatch(pattern, name)), None)
+
+
+def _name(word: str) -> str:
+    return plain(word).removeprefix("lensmodel").removeprefix("distortion")
 
 
 def pinhole_coefficients(values: Sequence[float], where: str, key: str) -> list[float]:

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 from circlepose._arguments import shown
 from circlepose.errors import UsageError
 from circlepose.evaluation.matching import PoseTable, TabledCircle, TabledPose, Vector
-from circlepose.io.tables.rows import Form, TableRow, read_rows, unpacked
+from circlepose.io.tables.rows import Form, TableRow, read_rows
+from circlepose.io.text.source import MAX_TABLE_BYTES, unpacked
 from circlepose.io.text.validation import brief
 from circlepose.results import Status
 
@@ -52,7 +53,7 @@ def read_pose_file(content: bytes, name: str, *, truth_allowed: bool = False) ->
     UsageError
         When it is no such table, has no rows, or a column is missing or holds what it cannot mean.
     """
-    content = unpacked(content, name)
+    content = unpacked(content, name, UsageError, MAX_TABLE_BYTES)
     form, columns, rows = read_rows(content, name)
     if not any(column in columns for column in _POSES_ONLY):
         # Two candidates a circle are no truth: a table that --columns made too narrow.

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import io
 import json
-import zlib
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -16,7 +15,6 @@ from circlepose.errors import UsageError
 from circlepose.io.tables.columns import COLUMNS, csv_text
 from circlepose.io.tables.json_records import POSES_SCHEMA
 from circlepose.io.text.escaping import unquoted
-from circlepose.io.text.source import MAX_TABLE_BYTES
 from circlepose.io.text.validation import brief
 from circlepose.results import Status
 
@@ -52,22 +50,6 @@ def read_rows(content: bytes, name: str) -> tuple[Form, Sequence[str], list[Tabl
     if not rows:
         raise UsageError(f"{name}: has no rows; expected a table of poses.")
     return form, columns, rows
-
-
-def unpacked(content: bytes, name: str) -> bytes:
-    """Return the bytes of a table, unpacked if they are gzipped; raises `UsageError` where they are damaged."""
-    if not content.startswith(b"\x1f\x8b"):
-        return content
-    unpack = zlib.decompressobj(31)
-    try:
-        table = unpack.decompress(content, MAX_TABLE_BYTES + 1)
-    except zlib.error as reason:
-        raise UsageError(f"{name}: is gzipped and damaged ({reason}); copy it again.") from None
-    if len(table) > MAX_TABLE_BYTES:
-        raise UsageError(f"{name}: unpacks to more than {MAX_TABLE_BYTES // 1_000_000} MB, the most that is read.")
-    if not unpack.eof:
-        raise UsageError(f"{name}: is gzipped and ends early; copy it again.")
-    return table
 
 
 def _decoded(content: bytes, name: str) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import stat
+import zlib
 from typing import IO, TypeAlias
 
 from circlepose._arguments import shown
@@ -14,6 +15,8 @@ Source: TypeAlias = str | os.PathLike[str] | bytes | IO[str] | IO[bytes]
 
 MAX_TABLE_BYTES = 1_000_000_000
 """A table of poses is read whole, and takes ten times as much memory; a row has some 500 bytes."""
+GZIP = b"\x1f\x8b"
+_MOST_PARTS = 100
 MAX_BYTES = 10_000_000
 """No calibration or target is larger; a larger file is another file, given by mistake."""
 
@@ -42,6 +45,31 @@ def read_content(source: Source, error: type[CircleposeError]) -> tuple[bytes, s
     if len(content) > MAX_BYTES:
         raise error(f"{name}: is larger than {MAX_BYTES // 1_000_000} MB; expected a small file.")
     return content, name
+
+
+def unpacked(content: bytes, name: str, error: type[CircleposeError], most_bytes: int) -> bytes:
+    """Return the content of a file, unpacked if it is gzipped.
+
+    Raises `error` where it is damaged, ends early, or unpacks to more than `most_bytes`.
+    """
+    if not content.startswith(GZIP):
+        return content
+    whole = b""
+    # A file may be packed in parts, and padded with zeros.
+    for _ in range(_MOST_PARTS):
+        unpack = zlib.decompressobj(31)
+        try:
+            whole += unpack.decompress(content, most_bytes + 1 - len(whole))
+        except zlib.error as reason:
+            raise error(f"{name}: is gzipped and damaged ({reason}); copy it again.") from None
+        if len(whole) > most_bytes:
+            raise error(f"{name}: unpacks to more than {most_bytes // 1_000_000} MB, the most that is read.")
+        if not unpack.eof:
+            raise error(f"{name}: is gzipped and ends early; copy it again.")
+        content = unpack.unused_data.lstrip(b"\0")
+        if not content:
+            return whole
+    raise error(f"{name}: is gzipped in more than {_MOST_PARTS} parts; pack it again in one.")
 
 
 def read_regular(name: str, error: type[CircleposeError], most_bytes: int) -> bytes:

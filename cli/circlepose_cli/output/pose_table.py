@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
+from circlepose.drawing.words import DOUBTFUL_FROM, SURE
 from circlepose.io.tables.columns import TEXT_COLUMNS, Row, cell, fixed
 from circlepose.io.text.escaping import printable, quoted
 from circlepose.results import Flag, Status
@@ -23,9 +24,6 @@ _RANKS = {_MM: 1, _DEG: 2}
 """what is left out first: the digits of the numbers say nearly the same"""
 _AMBIGUITY = "ambiguity"
 _STYLES = {"ok": "green", "doubtful": "yellow", "failed": "red", "other": "dim"}
-_DOUBTFUL_FROM = 0.05
-"""ambiguity from which a pose is shown as doubtful, as in pictures"""
-_CERTAIN = 0.0005
 
 
 def pose_forms(rows: Sequence[Row]) -> tuple[Grid, ...]:
@@ -160,7 +158,7 @@ def _center_sigma(row: Row) -> str:
 def _doubt(row: Row) -> str:
     """Return the ambiguity of a chosen pose that is not certain and is not flagged, in one word."""
     ambiguity = row.get(_AMBIGUITY)
-    if row.get("chosen") is False or not isinstance(ambiguity, float) or ambiguity < _CERTAIN:
+    if row.get("chosen") is False or not isinstance(ambiguity, float) or ambiguity < SURE:
         return ""
     return "" if Flag.AMBIGUOUS in _remarks(row) else f"{_AMBIGUITY}={number_text(row, _AMBIGUITY)}"
 
@@ -176,7 +174,7 @@ def _state(row: Row) -> str:
     if row.get("chosen") is False:
         return "other"
     ambiguity = row.get(_AMBIGUITY)
-    is_doubtful = bool(row.get("flags")) or (isinstance(ambiguity, float) and ambiguity >= _DOUBTFUL_FROM)
+    is_doubtful = bool(row.get("flags")) or (isinstance(ambiguity, float) and ambiguity >= DOUBTFUL_FROM)
     return "doubtful" if is_doubtful else "ok"
 
 

@@ -13,6 +13,7 @@ from circlepose.camera.camera import Camera
 from circlepose.camera.plausibility import Doubt
 from circlepose.errors import CalibrationError
 from circlepose.io.calibration.reader import CameraFile, read_camera, read_camera_file, write_camera
+from tests.support.refusals import refused_calibration
 
 K = [[1200.0, 0.0, 639.5], [0.0, 1210.0, 479.5], [0.0, 0.0, 1.0]]
 FLAT = "[1200, 0, 639.5, 0, 1210, 479.5, 0, 0, 1]"
@@ -58,16 +59,6 @@ def check(file: CameraFile, form: str, dist: list[float] = D, model: str = "pinh
     assert file.camera.image_size == (1280, 960)
     np.testing.assert_array_equal(file.camera.camera_matrix, K)
     np.testing.assert_array_equal(file.camera.dist_coeffs, dist)
-
-
-def refused(content: bytes, camera_name: str | None = None) -> str:
-    with pytest.raises(CalibrationError) as caught:
-        read_camera_file(content, camera_name)
-    text = str(caught.value)
-    assert text.startswith("<bytes>")
-    assert text[-1] in ".?"
-    assert "\n" not in text
-    return text
 
 
 # --- OpenCV ---
@@ -173,7 +164,7 @@ def test_stereo_file_gives_the_first_or_the_named_camera() -> None:
     assert any("M1 taken" in note for note in first.notes)
     assert read_camera_file(STEREO.encode(), "M2").camera.dist_coeffs[0] == 0.2
     assert read_camera_file(STEREO.encode(), "2").camera.dist_coeffs[0] == 0.2
-    assert "M1, M2" in refused(STEREO.encode(), "left")
+    assert "M1, M2" in refused_calibration(STEREO.encode(), "left")
 
 
 @pytest.mark.parametrize(
@@ -226,7 +217,7 @@ def test_stereo_file_gives_the_first_or_the_named_camera() -> None:
     ],
 )
 def test_opencv_files_that_are_refused(content: bytes, says: str) -> None:
-    text = refused(content)
+    text = refused_calibration(content)
     assert re.search(says, text), text
 
 
@@ -256,12 +247,12 @@ def test_ros_message_as_it_is_printed(k: str, d: str) -> None:
     check(read_camera_file(io.StringIO(text)), "ROS camera_info")
     block = text.replace(f"{k}: {FLAT}", f"{k}:\n" + "\n".join(f"- {each}" for each in np.ravel(K)))
     check(read_camera_file(block.encode()), "ROS camera_info")
-    assert "binning_x: is 2" in refused(text.replace("binning_x: 0", "binning_x: 2").encode())
-    assert "roi.x_offset: is 8" in refused(text.replace("x_offset: 0", "x_offset: 8").encode())
+    assert "binning_x: is 2" in refused_calibration(text.replace("binning_x: 0", "binning_x: 2").encode())
+    assert "roi.x_offset: is 8" in refused_calibration(text.replace("x_offset: 0", "x_offset: 8").encode())
     undistorted = text.replace('"plumb_bob"', '""').replace("[-0.21, 0.09, 0.0004, -0.0002, 0.0]", "[]")
     assert read_camera(undistorted.encode()).dist_coeffs.shape == (0,)
     never = text.replace(FLAT, str([0.0] * 9)).replace("height: 960\nwidth: 1280", "height: 0\nwidth: 0")
-    assert f"{k}: is all zeros" in refused(never.encode())
+    assert f"{k}: is all zeros" in refused_calibration(never.encode())
 
 
 @pytest.mark.parametrize(
@@ -278,7 +269,7 @@ def test_ros_message_as_it_is_printed(k: str, d: str) -> None:
     ],
 )
 def test_ros_files_that_are_refused(content: bytes, says: str) -> None:
-    assert says in refused(content)
+    assert says in refused_calibration(content)
 
 
 @pytest.mark.parametrize(
@@ -298,7 +289,7 @@ def test_numbers_with_which_sums_overflow_are_refused(content: str, says: str) -
 
 
 def test_ros_other_name_is_refused() -> None:
-    assert "holds no camera 'wide', only narrow" in refused(ros_yaml(), "wide")
+    assert "holds no camera 'wide', only narrow" in refused_calibration(ros_yaml(), "wide")
 
 
 # --- Kalibr ---
@@ -318,7 +309,7 @@ def test_kalibr_camera_by_name() -> None:
     second = read_camera_file(both, "cam1")
     assert second.camera.dist_coeffs[0] == 0.5
     assert second.notes == ()
-    assert "its cameras are cam0, cam1" in refused(both, "cam2")
+    assert "its cameras are cam0, cam1" in refused_calibration(both, "cam2")
 
 
 def test_a_single_camera_with_kalibrs_keys() -> None:
@@ -343,7 +334,7 @@ def test_a_single_camera_with_kalibrs_keys() -> None:
     ],
 )
 def test_kalibr_files_that_are_refused(content: bytes, says: str) -> None:
-    assert says in refused(content)
+    assert says in refused_calibration(content)
 
 
 # --- Our own ---
@@ -400,11 +391,11 @@ def test_target_in_the_calibration_is_handed_on() -> None:
     ],
 )
 def test_own_files_that_are_refused(content: bytes, says: str) -> None:
-    assert says in refused(content)
+    assert says in refused_calibration(content)
 
 
 def test_own_form_has_no_camera_names() -> None:
-    assert "leave out the name 'cam1'" in refused(OWN, "cam1")
+    assert "leave out the name 'cam1'" in refused_calibration(OWN, "cam1")
 
 
 def test_lists_under_opencvs_names_are_read_too() -> None:

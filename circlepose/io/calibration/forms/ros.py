@@ -9,12 +9,13 @@ from collections.abc import Iterator, Mapping
 
 from circlepose._arguments import shown
 from circlepose.camera.camera import LensModel
+from circlepose.camera.lens import PINHOLE_COUNTS
 from circlepose.errors import CalibrationError
 from circlepose.io.calibration import numbers
 from circlepose.io.calibration.document import Document
 from circlepose.io.calibration.form import Form, Reading, choose
 from circlepose.io.calibration.leftovers import refuse_group, refuse_leftovers
-from circlepose.io.calibration.lens_models import PINHOLE_COUNTS, lens_model, plain
+from circlepose.io.calibration.lens_models import lens_model, plain
 from circlepose.io.text.validation import some_keys
 from circlepose.io.text.yaml import MatrixNode
 

@@ -10,6 +10,7 @@ import pytest
 from circlepose.errors import CalibrationError
 from circlepose.io.calibration.reader import CameraFile, read_camera_file
 from tests.support.lens_formulas import CX, CY, FX, FY, SIZE, check_terms
+from tests.support.refusals import refused_calibration
 
 K = [[FX, 0.0, CX], [0.0, FY, CY], [0.0, 0.0, 1.0]]
 ROWS = [each for row in K for each in row]
@@ -25,14 +26,7 @@ def read(entries: Any, camera_name: str | None = None) -> CameraFile:
 
 
 def refused(content: Any, camera_name: str | None = None) -> str:
-    text = content if isinstance(content, bytes) else json.dumps(content).encode()
-    with pytest.raises(CalibrationError) as caught:
-        read_camera_file(text, camera_name)
-    sentence = str(caught.value)
-    assert sentence.startswith("<bytes>")
-    assert sentence[-1] in ".?"
-    assert "\n" not in sentence
-    return sentence
+    return refused_calibration(content if isinstance(content, bytes) else json.dumps(content), camera_name)
 
 
 @pytest.mark.parametrize(
