@@ -10,7 +10,7 @@ from circlepose._arguments import shown
 from circlepose._typing import FloatArray
 from circlepose.camera.camera import Camera
 from circlepose.errors import CalibrationError
-from circlepose.io.calibration import distortion, numbers
+from circlepose.io.calibration import distortion, numbers, terms
 from circlepose.io.calibration.form import Reading
 from circlepose.io.calibration.keys import (
     COEFFICIENTS,
@@ -143,7 +143,7 @@ def _matrix(fields: _Fields, where: str) -> tuple[str, FloatArray | list[list[fl
     field = stated[0]
     four = _four(field, where)
     if four is not None:
-        matrix: FloatArray | list[list[float]] = [[four[0], 0.0, four[2]], [0.0, four[1], four[3]], [0.0, 0.0, 1.0]]
+        matrix: FloatArray | list[list[float]] = terms.rows(*four)
         notes: tuple[str, ...] = ()
     else:
         matrix, notes = numbers.turned_matrix(field.value, where, field.path)
@@ -194,7 +194,7 @@ def _parts(fields: _Fields, where: str) -> dict[str, tuple[str, float]]:
 def _square(parts: Mapping[str, tuple[str, float]]) -> list[list[float]]:
     fx, fy, cx, cy = (parts[name][1] for name in ("fx", "fy", "cx", "cy"))
     skew = parts["skew"][1] if "skew" in parts else parts["alpha"][1] * fx if "alpha" in parts else 0.0
-    return [[fx, skew, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]
+    return terms.rows(fx, fy, cx, cy, skew)
 
 
 def _check_one(stated: _Fields, where: str) -> None:

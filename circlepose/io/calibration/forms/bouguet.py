@@ -6,7 +6,7 @@ The toolbox counts pixels from 0, as OpenCV does; kc is k1 k2 p1 p2 k3.
 from __future__ import annotations
 
 from circlepose.errors import CalibrationError
-from circlepose.io.calibration import numbers
+from circlepose.io.calibration import numbers, terms
 from circlepose.io.calibration.document import Document
 from circlepose.io.calibration.form import Form, Reading, choose, refuse_name
 from circlepose.io.calibration.lens_models import pinhole_coefficients
@@ -62,7 +62,7 @@ def _reading(fields: Fields, end: str, where: str, notes: tuple[str, ...]) -> Re
         )
     if alpha:
         notes += (f"alpha_c is a skew of fc(1) alpha_c = {fx * alpha:g} px",)
-    matrix = [[fx, fx * alpha, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]
+    matrix = terms.rows(fx, fy, cx, cy, fx * alpha)
     dist = pinhole_coefficients(kc, where, f"kc{end}")
     camera = numbers.build_camera(where, (f"fc{end}, cc{end}", matrix), (f"kc{end}", dist), size, "pinhole")
     errors = (f"fc{end}_error", f"cc{end}_error")

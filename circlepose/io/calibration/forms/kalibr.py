@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from circlepose._arguments import shown
 from circlepose.camera.camera import LensModel
 from circlepose.errors import CalibrationError
-from circlepose.io.calibration import numbers
+from circlepose.io.calibration import numbers, terms
 from circlepose.io.calibration.document import Document
 from circlepose.io.calibration.form import Form, Reading, choose
 from circlepose.io.calibration.leftovers import refuse_group, refuse_leftovers
@@ -70,7 +70,7 @@ def _camera(entries: Mapping[str, object], where: str) -> Reading:
     else:
         dist = pinhole_coefficients(dist, where, key)
     fx, fy, cx, cy = numbers.number_list(entries["intrinsics"], where, "intrinsics", 4)
-    matrix = [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]
+    matrix = terms.rows(fx, fy, cx, cy)
     size = None
     if "resolution" in entries:
         width, height = numbers.number_list(entries["resolution"], where, "resolution", 2)

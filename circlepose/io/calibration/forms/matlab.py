@@ -12,7 +12,7 @@ import numpy as np
 
 from circlepose._typing import FloatArray
 from circlepose.errors import CalibrationError
-from circlepose.io.calibration import numbers
+from circlepose.io.calibration import numbers, terms
 from circlepose.io.calibration.document import Document
 from circlepose.io.calibration.form import Form, Reading, choose, refuse_name
 from circlepose.io.calibration.mat_file import MatObject, is_mat_file
@@ -149,7 +149,7 @@ def _matrix(fields: Fields, where: str) -> tuple[str, FloatArray, tuple[str, ...
     fx, fy = vector(fields, "FocalLength", where, (2,))
     cx, cy = vector(fields, "PrincipalPoint", where, (2,))
     skew = vector(fields, "Skew", where, (1,))[0] if "Skew" in fields else 0.0
-    return "FocalLength, PrincipalPoint", np.array([[fx, skew, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]), ()
+    return "FocalLength, PrincipalPoint", np.array(terms.rows(fx, fy, cx, cy, skew)), ()
 
 
 FORM = Form("MATLAB", _recognizes, _read)

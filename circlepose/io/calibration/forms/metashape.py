@@ -17,6 +17,7 @@ from circlepose.errors import CalibrationError
 from circlepose.io.calibration import numbers
 from circlepose.io.calibration.document import Document
 from circlepose.io.calibration.form import Form, Reading, choose, refuse_name
+from circlepose.io.calibration.terms import rows
 
 _Numbers: TypeAlias = Mapping[str, float]
 _SIGNATURE = re.compile(
@@ -129,7 +130,7 @@ def _of_today(
     f, cx, cy, b1, b2 = (terms.get(key, 0.0) for key in ("f", "cx", "cy", "b1", "b2"))
     k1, k2, k3, k4, p1, p2 = (terms.get(key, 0.0) for key in ("k1", "k2", "k3", "k4", "p1", "p2"))
     dx, dy = 0.5 * size[0] - 0.5, 0.5 * size[1] - 0.5
-    matrix = [[f + b1, b2, cx + dx], [0.0, f, cy + dy], [0.0, 0.0, 1.0]]
+    matrix = rows(f + b1, f, cx + dx, cy + dy, b2)
     notes += (
         f"cx, cy moved by ({dx:.12g}, {dy:.12g}) px: Metashape states them from the image's center, and the center "
         "of its top left pixel is (0.5, 0.5)",
@@ -153,7 +154,7 @@ def _of_former(terms: _Numbers, size: tuple[int, int], where: str, notes: tuple[
     _refuse(terms, ("b1", "b2", "k4", "p3", "p4"), where)
     fx, fy, cx, cy, skew = (terms.get(key, 0.0) for key in ("fx", "fy", "cx", "cy", "skew"))
     dist = [terms.get(key, 0.0) for key in ("k1", "k2", "p1", "p2", "k3")]
-    matrix = [[fx, skew, cx - 0.5], [0.0, fy, cy - 0.5], [0.0, 0.0, 1.0]]
+    matrix = rows(fx, fy, cx - 0.5, cy - 0.5, skew)
     camera = numbers.build_camera(where, ("fx, fy, cx, cy", matrix), ("k1 to k3, p1, p2", dist), size, "pinhole")
     return Reading(camera, (*notes, "cx, cy moved by -0.5 px: the center of Agisoft's top left pixel is (0.5, 0.5)"))
 

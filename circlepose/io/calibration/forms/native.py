@@ -9,7 +9,7 @@ from pydantic import Field
 
 from circlepose.camera.camera import LENS_MODELS, Camera, LensModel
 from circlepose.errors import CalibrationError
-from circlepose.io.calibration import numbers
+from circlepose.io.calibration import numbers, terms
 from circlepose.io.calibration.assembly import FROM_ONE
 from circlepose.io.calibration.document import Document
 from circlepose.io.calibration.form import Form, Reading, refuse_name
@@ -102,7 +102,7 @@ def _matrix(form: _CameraForm, where: str) -> tuple[str, list[list[float]]]:
     if form.fx is None or form.fy is None or form.cx is None or form.cy is None:
         missing = ", ".join(key for key in parts if key not in given)
         raise CalibrationError(f"{where}: {missing}: missing; give camera_matrix, or all of fx, fy, cx, cy in px.")
-    return "fx, fy", [[form.fx, 0.0, form.cx], [0.0, form.fy, form.cy], [0.0, 0.0, 1.0]]
+    return "fx, fy", terms.rows(form.fx, form.fy, form.cx, form.cy)
 
 
 FORM = Form("circlepose", _recognizes, _read, is_generic=True)

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from circlepose._arguments import shown
 from circlepose.camera.camera import LensModel
 from circlepose.errors import CalibrationError
-from circlepose.io.calibration import numbers
+from circlepose.io.calibration import numbers, terms
 from circlepose.io.calibration.document import Document
 from circlepose.io.calibration.form import Form, Reading, choose, refuse_name
 from circlepose.io.calibration.keys import truth
@@ -66,7 +66,7 @@ def _reading(entries: Mapping[str, object], where: str, notes: tuple[str, ...]) 
     (fx, fy), focal_notes = _focal_lengths(entries, size, where)
     (cx, cy), center_notes = _center(entries, size, where)
     dist, dist_notes = _coefficients(entries, model, where)
-    matrix = [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]
+    matrix = terms.rows(fx, fy, cx, cy)
     camera = numbers.build_camera(where, ("fl_x, fl_y, cx, cy", matrix), ("k1 to k4, p1, p2", dist), size, model)
     refuse_leftovers(entries, _KNOWN, where, camera, is_model_stated="camera_model" in entries)
     return Reading(camera, notes + focal_notes + center_notes + dist_notes)

@@ -1,23 +1,13 @@
-"""`.npz` and `.npy` of those who calibrate with cv2.calibrateCamera and save mtx and dist with NumPy.
-
-Arrays are read here from their bytes, not by `np.load`: nothing is unpickled, and nothing unpacks beyond a bound.
-"""
+"""`.npz` and `.npy` of those who calibrate with cv2.calibrateCamera and save mtx and dist with NumPy."""
 
 from __future__ import annotations
 
-import io
 import math
 import re
-import struct
-import zipfile
-import zlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import TypeGuard, cast
 
 import numpy as np
 
-from circlepose._arguments import shown
 from circlepose._typing import FloatArray
 from circlepose.camera.camera import Camera, LensModel
 from circlepose.camera.plausibility import reprojection_doubts
@@ -28,27 +18,13 @@ from circlepose.io.calibration.document import Document
 from circlepose.io.calibration.form import Form, Reading, choose
 from circlepose.io.calibration.leftovers import refuse_leftovers
 from circlepose.io.calibration.lens_models import lens_model, plain
-from circlepose.io.text.literal import python_literal
-from circlepose.io.text.validation import brief, some_keys
+from circlepose.io.calibration.numpy_file import ARRAY, MOST_BYTES, SAVE_ANEW, ZIP, Archive, array_of, members
+from circlepose.io.text.validation import some_keys
 
-_ARRAY = b"\x93NUMPY"
-_ZIP, _ZIP_ENTRY = b"PK\x03\x04", b"PK\x01\x02"
-# Damaged archives fail in many ways.
-_ZIP_ERRORS = (
-    *(zipfile.BadZipFile, zlib.error, struct.error, EOFError, OSError, ValueError, KeyError, RuntimeError),
-    *(NotImplementedError, OverflowError),
-)
-_MOST_BYTES = 100_000
-"""Of one array: a camera matrix has 72."""
-_MOST_MEMBERS = 1000
 _MOST_CHECKED = 200
 _LARGEST_CHECKED = 100
 _LEAST = 4
 """numbers of a matrix, or of coefficients; K1 with one number is no matrix"""
-_MOST_HEADER = 10_000
-_MOST_NAME = 100
-_KIND = re.compile(r"[<>|=]?(?:f[248]|[iu][1248]|b1|U[0-9]{1,3})")
-_SAVE_ANEW = "save it anew as plain arrays: np.savez('camera.npz', K=K, D=D, image_size=[width, height])"
 # Names are compared in lower case without separators.
 _MATRIX = re.compile(
     r"(?P<start>left|right)?(?:(?:camera|cam|c|intrinsic)?(?:matrix|mat|mtx)|k|m|intrinsics?|cammatrix)"
@@ -62,67 +38,27 @@ _MODEL = re.compile(r"(?:is)?fisheye(?:model)?|(?:camera|lens|distortion|dist)?m
 _SIZE = re.compile(r"(?:image|img|frame)?size|(?:image|img|camera)?resolution")
 _SHAPE = re.compile(r"(?:image|img|frame|gray)?shape")
 _RMS = re.compile(r"ret|retval|rms|(?:mean|avg|total)?(?:reproj(?:ection)?)?err(?:or)?|rmserr(?:or)?")
-_OBJECTS = "which circlepose never unpickles, as that can run code"
-
-
-@dataclass(slots=True)
-class _Archive:
-    """The arrays of a file, each read when it is asked for."""
-
-    where: str
-    content: bytes
-    names: Mapping[str, str] = field(default_factory=dict)
-    """by array: the member of the archive"""
-
-    def array(self, name: str) -> np.ndarray:
-        """Return one array of numbers or text; raises `CalibrationError`."""
-        try:
-            with zipfile.ZipFile(io.BytesIO(self.content)) as archive:
-                member = archive.getinfo(self.names[name])
-                if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-                    raise zipfile.BadZipFile("it is not packed as NumPy packs")
-                with archive.open(member) as stream:
-                    content = stream.read(_MOST_BYTES + 1)
-        except _ZIP_ERRORS as reason:
-            text = brief(str(reason))
-            raise CalibrationError(
-                f"{self.where}: {name}: cannot be unpacked ({text}); copy the file again."
-            ) from None
-        return _array(content, f"{self.where}: {name}")
 
 
 def _recognizes(document: Document) -> bool:
     """Whether the content is a NumPy array, or a zip archive of such."""
     content = document.content
-    return content.startswith(_ARRAY) or (content.startswith(_ZIP) and bool(_members(content)))
-
-
-def _members(content: bytes) -> dict[str, str]:
-    # An archive of more is none of NumPy's, and would take long to list.
-    if content.count(_ZIP_ENTRY) > _MOST_MEMBERS:
-        return {}
-    try:
-        with zipfile.ZipFile(io.BytesIO(content)) as archive:
-            names = archive.namelist()
-    except _ZIP_ERRORS:
-        # A damaged archive: by the name that stands at its beginning.
-        return {"": ""} if b".npy" in content[:300] else {}
-    return {name.removesuffix(".npy"): name for name in names if name.endswith(".npy") and len(name) <= _MOST_NAME}
+    return content.startswith(ARRAY) or (content.startswith(ZIP) and bool(members(content)))
 
 
 def _read(document: Document, camera_name: str | None) -> Reading:
     """Return the camera of an archive; `camera_name` picks one of several, by its matrix (`K2`) or number (`2`)."""
     where = document.name
-    if document.content.startswith(_ARRAY):
+    if document.content.startswith(ARRAY):
         raise _lone_array(document)
-    names = _members(document.content)
+    names = members(document.content)
     if names == {"": ""}:
         raise CalibrationError(f"{where}: looks like a NumPy archive (.npz) and is damaged; copy it again.")
-    archive = _Archive(where, document.content, names)
+    archive = Archive(where, document.content, names)
     matrices = _keys(names, _MATRIX, where)
     if not matrices:
         raise CalibrationError(
-            f"{where}: holds no camera matrix (mtx, K, camera_matrix); found {some_keys(names)}; {_SAVE_ANEW}."
+            f"{where}: holds no camera matrix (mtx, K, camera_matrix); found {some_keys(names)}; {SAVE_ANEW}."
         )
     end, notes = _chosen(matrices, camera_name, where)
     matrix_key = matrices[end]
@@ -130,12 +66,12 @@ def _read(document: Document, camera_name: str | None) -> Reading:
     if end not in dist_keys:
         raise CalibrationError(
             f"{where}: holds {matrix_key} and no lens coefficients for it (dist, D, dist_coeffs); "
-            f"found {some_keys(names)}; {_SAVE_ANEW}, with D = np.zeros(5) for a lens without distortion."
+            f"found {some_keys(names)}; {SAVE_ANEW}, with D = np.zeros(5) for a lens without distortion."
         )
     return _reading(archive, matrix_key, dist_keys[end], notes)
 
 
-def _reading(archive: _Archive, matrix_key: str, dist_key: str, notes: tuple[str, ...]) -> Reading:
+def _reading(archive: Archive, matrix_key: str, dist_key: str, notes: tuple[str, ...]) -> Reading:
     where = archive.where
     matrix, turned = numbers.turned_matrix(_numbers(archive, matrix_key).tolist(), where, matrix_key)
     dist = [float(each) for each in _numbers(archive, dist_key).ravel()]
@@ -174,14 +110,14 @@ def _chosen(matrices: Mapping[str, str], camera_name: str | None, where: str) ->
     return next(end for end in ends if matrices[end] == name), notes
 
 
-def _numbers(archive: _Archive, name: str) -> np.ndarray:
+def _numbers(archive: Archive, name: str) -> np.ndarray:
     array = archive.array(name)
     if array.dtype.kind not in "fiu":
         raise CalibrationError(f"{archive.where}: {name}: expected numbers, got an array of {array.dtype}.")
     return array.astype(np.float64)
 
 
-def _check_rest(archive: _Archive, used: Sequence[str], camera: Camera, *, is_model_stated: bool) -> None:
+def _check_rest(archive: Archive, used: Sequence[str], camera: Camera, *, is_model_stated: bool) -> None:
     """Refuse arrays that change the camera and are not used; large ones are points and images."""
     rest: dict[str, object] = {}
     for name in list(archive.names)[:_MOST_CHECKED]:
@@ -199,7 +135,7 @@ def _check_rest(archive: _Archive, used: Sequence[str], camera: Camera, *, is_mo
     refuse_leftovers(rest, (), archive.where, camera, is_model_stated=is_model_stated)
 
 
-def _model(archive: _Archive) -> tuple[LensModel, str | None]:
+def _model(archive: Archive) -> tuple[LensModel, str | None]:
     """Return the lens model and the name of the array that states it."""
     for name in archive.names:
         if _MODEL.fullmatch(plain(name)):
@@ -213,7 +149,7 @@ def _model(archive: _Archive) -> tuple[LensModel, str | None]:
     return "pinhole", None
 
 
-def _size(archive: _Archive, matrix: FloatArray) -> tuple[tuple[int, int] | None, tuple[str, ...]]:
+def _size(archive: Archive, matrix: FloatArray) -> tuple[tuple[int, int] | None, tuple[str, ...]]:
     """Return the image size (width, height) and what was converted."""
     where = archive.where
     for name in archive.names:
@@ -241,14 +177,14 @@ def _size(archive: _Archive, matrix: FloatArray) -> tuple[tuple[int, int] | None
     return None, ()
 
 
-def _lengths(archive: _Archive, name: str, counts: Sequence[int]) -> list[float]:
+def _lengths(archive: Archive, name: str, counts: Sequence[int]) -> list[float]:
     values = [float(each) for each in _numbers(archive, name).ravel()]
     if len(values) not in counts:
         raise CalibrationError(f"{archive.where}: {name}: expected {counts[0]} numbers, got {len(values)}.")
     return values
 
 
-def _rms_notes(archive: _Archive, camera: Camera) -> tuple[str, ...]:
+def _rms_notes(archive: Archive, camera: Camera) -> tuple[str, ...]:
     """Return what the reprojection error says, which calibrateCamera returns first and many store as `ret`."""
     for name in archive.names:
         if _RMS.fullmatch(plain(name)):
@@ -261,7 +197,7 @@ def _rms_notes(archive: _Archive, camera: Camera) -> tuple[str, ...]:
 
 
 def _lone_array(document: Document) -> CalibrationError:
-    array = _array(document.content[: _MOST_BYTES + 1], document.name)
+    array = array_of(document.content[: MOST_BYTES + 1], document.name)
     what = (
         "a 3 x 3 matrix alone, without the lens coefficients"
         if array.shape == (3, 3)
@@ -270,50 +206,6 @@ def _lone_array(document: Document) -> CalibrationError:
     return CalibrationError(
         f"{document.name}: holds {what}; save both in one file: np.savez('camera.npz', K=K, D=D, "
         "image_size=[width, height]), with D = np.zeros(5) for a lens without distortion."
-    )
-
-
-def _array(content: bytes, where: str) -> np.ndarray:
-    """Return the array of a `.npy`; raises `CalibrationError` on Python objects, on damage and on a large one."""
-    if len(content) > _MOST_BYTES:
-        raise CalibrationError(
-            f"{where}: holds more than {_MOST_BYTES // 1000} kB; expected a camera matrix or coefficients."
-        )
-    header, data = _header(content)
-    if not isinstance(header, dict):
-        raise CalibrationError(f"{where}: is a damaged NumPy array; save it again.")
-    kind, shape, is_fortran = header.get("descr"), header.get("shape"), header.get("fortran_order")
-    if isinstance(kind, str) and kind.endswith("O"):
-        what = "a Python object (a dict or list saved as a pickle)" if shape == () else "Python objects (a pickle)"
-        raise CalibrationError(f"{where}: holds {what}, {_OBJECTS}; {_SAVE_ANEW}.")
-    if not isinstance(kind, str) or not _KIND.fullmatch(kind) or not _is_shape(shape):
-        raise CalibrationError(
-            f"{where}: expected an array of numbers, got {shown(kind)}, {shown(shape)}; save it again."
-        )
-    dtype, count = np.dtype(kind), math.prod(shape)
-    if count * dtype.itemsize != len(data):
-        raise CalibrationError(
-            f"{where}: is damaged: {count} values of {dtype.itemsize} bytes stand in {len(data)}; save it again."
-        )
-    return np.frombuffer(data, dtype, count).reshape(shape, order="F" if is_fortran else "C")
-
-
-def _header(content: bytes) -> tuple[object, bytes]:
-    """Return the header, a Python literal after its length (2 bytes, or 4 from version 2), and what follows it."""
-    width = 2 if content[6:7] == b"\1" else 4
-    start = len(_ARRAY) + 2 + width
-    end = start + int.from_bytes(content[start - width : start], "little")
-    try:
-        literal = python_literal(content[start : min(end, start + _MOST_HEADER)].decode("latin-1"))
-    except ValueError:
-        return None, b""
-    return literal, content[end:]
-
-
-def _is_shape(shape: object) -> TypeGuard[tuple[int, ...]]:
-    is_short = isinstance(shape, tuple) and len(shape) <= 3
-    return is_short and all(
-        type(each) is int and 0 <= each <= _MOST_BYTES for each in cast(tuple[object, ...], shape)
     )
 
 
