@@ -10,6 +10,7 @@ import zipfile
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TypeGuard, cast
 
 import numpy as np
@@ -36,7 +37,7 @@ SAVE_ANEW = "save it anew as plain arrays: np.savez('camera.npz', K=K, D=D, imag
 _OBJECTS = "which circlepose never unpickles, as that can run code"
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True)
 class Archive:
     """The arrays of a file, each read when it is asked for."""
 
@@ -48,18 +49,22 @@ class Archive:
     def array(self, name: str) -> np.ndarray:
         """Return one array of numbers or text; raises `CalibrationError`."""
         try:
-            with zipfile.ZipFile(io.BytesIO(self.content)) as archive:
-                member = archive.getinfo(self.names[name])
-                if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-                    raise zipfile.BadZipFile("it is not packed as NumPy packs")
-                with archive.open(member) as stream:
-                    content = stream.read(MOST_BYTES + 1)
+            member = self._zip.getinfo(self.names[name])
+            if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+                raise zipfile.BadZipFile("it is not packed as NumPy packs")
+            with self._zip.open(member) as stream:
+                content = stream.read(MOST_BYTES + 1)
         except _ZIP_ERRORS as reason:
             text = brief(str(reason))
             raise CalibrationError(
                 f"{self.where}: {name}: cannot be unpacked ({text}); copy the file again."
             ) from None
         return array_of(content, f"{self.where}: {name}")
+
+    @cached_property
+    def _zip(self) -> zipfile.ZipFile:
+        # Opened once: each time its whole list of members is read.
+        return zipfile.ZipFile(io.BytesIO(self.content))
 
 
 def members(content: bytes) -> dict[str, str]:
