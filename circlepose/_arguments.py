@@ -144,6 +144,22 @@ def length_mm(name: str, value: object, expected: str, error: type[CircleposeErr
     raise error(f"{name}: expected {expected}{limits}, got {shown(value)}.")
 
 
+def score(name: str, value: object) -> float | None:
+    """Return `value` if it is None or a score."""
+    expected = "a score from 0 to 1, such as 0.2"
+    if value is None or 0.0 <= number(name, value, expected) <= 1.0:
+        return None if value is None else float(value)  # type: ignore[arg-type]
+    raise ArgumentError(f"{name}: expected {expected}, got {shown(value)}.")
+
+
+def bound_px(name: str, value: object) -> float | None:
+    """Return `value` if it is None or a positive length in px."""
+    expected = "a positive number of px, such as 0.3"
+    if value is None or number(name, value, expected) > 0.0:
+        return None if value is None else float(value)  # type: ignore[arg-type]
+    raise ArgumentError(f"{name}: expected {expected}, got {shown(value)}.")
+
+
 def warn_renamed(former: str, new: str) -> None:
     """Warn the caller's caller that `former` is now called `new`."""
     warnings.warn(f"{former} is now called {new}", DeprecationWarning, stacklevel=3)

@@ -41,7 +41,7 @@ def in_parts(function: Callable[..., _Result], *batches: Any) -> _Result:
 
 def joined(batches: Sequence[_Batch]) -> _Batch:
     """Return the rims of all `batches` as one."""
-    return _joined(batches)
+    return batches[0] if len(batches) == 1 else _joined(batches)
 
 
 def _joined(batches: Sequence[Any]) -> Any:

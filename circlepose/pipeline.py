@@ -15,18 +15,20 @@ from circlepose.detection.axis_intervals import axis_intervals
 from circlepose.detection.contour import Contour, Rejection
 from circlepose.disambiguation.options import DisambiguationOptions
 from circlepose.disambiguation.settle import settled_by_hints
-from circlepose.imaging.float_levels import without_gaps
-from circlepose.imaging.gray import to_grey
-from circlepose.measurement.intensity_fit import LevelFit, LevelFits, fit_levels
+from circlepose.imaging.color_mixes import ColorMix, ColorMixOptions, color_mixes
+from circlepose.imaging.gray import to_channels
+from circlepose.measurement.color_views import fit_rims_in, measure_circles, pixels_in
+from circlepose.measurement.intensity_fit import LevelFit
+from circlepose.measurement.nested_rims import with_nested_rims
 from circlepose.measurement.options import MeasurementOptions
-from circlepose.measurement.poses import results_of_rims
+from circlepose.measurement.poses import results_of_rims, with_doubt
 from circlepose.measurement.rim import Rim
-from circlepose.measurement.selection import measure_lone_circles, measure_rings
+from circlepose.measurement.selection import measure_rings
 from circlepose.results import CircleResult, Failure, Flag, ImageResult, Status
 from circlepose.rings.guided_search import with_hidden_rims
 from circlepose.rings.matching import match_rings
 from circlepose.rings.options import RingOptions
-from circlepose.rings.results import find_ring_targets
+from circlepose.rings.results import RingTargets, find_ring_targets
 from circlepose.solvers import METHODS, methods_for
 from circlepose.targets.target import AxisIntervals, Target
 from circlepose.uncertainty.systematic import with_all_terms
@@ -40,8 +42,10 @@ class EstimateOptions:
     """in it also those of the detection and of the fits to gray levels"""
     rings: RingOptions = field(default_factory=RingOptions)
     disambiguation: DisambiguationOptions = field(default_factory=DisambiguationOptions)
+    color_mixes: ColorMixOptions = field(default_factory=ColorMixOptions)
 
     def __post_init__(self) -> None:
+        _arguments.instance_of(ColorMixOptions, "color_mixes", self.color_mixes, "ColorMixOptions(...)")
         _arguments.instance_of(MeasurementOptions, "measurement", self.measurement, "MeasurementOptions(...)")
         _arguments.instance_of(RingOptions, "rings", self.rings, "RingOptions(...)")
         _arguments.instance_of(
@@ -58,8 +62,10 @@ class Trace:
 
     camera: Camera
     """the calibration for the size of the image"""
-    levels: Image
-    """(h, w) gray levels that were measured; NaN where a pixel has none"""
+    channels: Image
+    """the image as `to_channels` returns it"""
+    levels: Image | None = None
+    """(h, w) gray levels that were measured, or those of the mix of a ring target; NaN where a pixel is left out"""
     contours: tuple[Contour, ...] = ()
     """those that detection kept, most evidence first"""
     starts: tuple[Rim, ...] = ()
@@ -68,6 +74,8 @@ class Trace:
     """the same rims, from which the poses follow"""
     fits: tuple[LevelFit | None, ...] = ()
     """of each rim; None where its levels were not fitted, or it was fitted as a thin ellipse"""
+    mixes: tuple[ColorMix | None, ...] = ()
+    """of each rim, in which it was measured; None for gray"""
 
     def number_of(self, circle: CircleResult) -> int | None:
         """Return the index of the rim that a result was solved from."""
@@ -85,6 +93,8 @@ def estimate(
     extraction: str = EXTRACTIONS[0],
     scale_calibration: bool = False,
     force_calibration: bool = False,
+    min_score: float | None = None,
+    max_residual_px: float | None = None,
     name: str = "",
     options: EstimateOptions = ESTIMATE_OPTIONS,
 ) -> ImageResult:
@@ -94,8 +104,9 @@ def estimate(
     ----------
     image
         (h, w), (h, w, 3) BGR or (h, w, 4) BGRA pixels, 8 or 16 bit or floating, as decoded: not undistorted, not
-        turned by EXIF. The gain and offset of floating levels do not count, and none of them is clipped. Pixels that
-        are not finite (dead pixels) are left out.
+        turned by EXIF. It is measured in gray; where colors or alpha have edges that gray does not show, also in the
+        mix of the channels that shows them (`CircleResult.color_mix`). The gain and offset of floating levels do not
+        count, and none of them is clipped. Pixels that are not finite (dead pixels) are left out.
     camera
         The calibration.
     target
@@ -115,6 +126,12 @@ def estimate(
     force_calibration
         Measure although the calibration looks wrong. Then only a different size is refused, unless
         `scale_calibration` scales each axis to it.
+    min_score
+        Least score of a contour, 0 to 1, in place of the default (`DetectionOptions.least_score`): less takes
+        doubtful ones, too, which are flagged `doubtful`; more only sure ones. Rims of ring targets need half of it.
+    max_residual_px
+        Leave out rims whose edges are farther than this from an ellipse as the lens shows it, rms px. By default they
+        are reported and flagged `poor_fit`.
     name
         The name under which the image is reported.
     options
@@ -140,6 +157,8 @@ def estimate(
         extraction=extraction,
         scale_calibration=scale_calibration,
         force_calibration=force_calibration,
+        min_score=min_score,
+        max_residual_px=max_residual_px,
         name=name,
         options=options,
         keep_fits=False,
@@ -156,6 +175,8 @@ def estimate_with_trace(
     extraction: str = EXTRACTIONS[0],
     scale_calibration: bool = False,
     force_calibration: bool = False,
+    min_score: float | None = None,
+    max_residual_px: float | None = None,
     name: str = "",
     options: EstimateOptions = ESTIMATE_OPTIONS,
     keep_fits: bool = True,
@@ -172,24 +193,25 @@ def estimate_with_trace(
     refine = _arguments.truth("refine", refine)
     force_calibration = _arguments.truth("force_calibration", force_calibration)
     scale_calibration = _arguments.truth("scale_calibration", scale_calibration)
+    min_score = _arguments.score("min_score", min_score)
+    max_residual_px = _arguments.bound_px("max_residual_px", max_residual_px)
     _arguments.text("name", name)
     methods = methods_for(target.kind, method)
-    levels = to_grey(image)
-    # Only the fit to the gray levels can do without pixels that have none.
-    gray = without_gaps(levels)
-    size = (int(gray.shape[1]), int(gray.shape[0]))
+    channels = to_channels(image)
+    size = (int(channels.shape[1]), int(channels.shape[0]))
     unfit = _unfit(camera, size, scaled=scale_calibration, forced=force_calibration)
     if unfit is not None:
-        return ImageResult(name, unfit.status, unfit.reason, image_size=size), Trace(camera, levels)
+        return ImageResult(name, unfit.status, unfit.reason, image_size=size), Trace(camera, channels)
     if camera.image_size not in (None, size):
         camera = camera.scaled_to(size)
     intervals = axis_intervals(target, camera, size, options.measurement.detection)
-    numbers = options.measurement
-    of_rings = replace(options.rings, measurement=numbers)
+    numbers = options.measurement.with_bounds(min_score, max_residual_px)
+    views = (None, *color_mixes(channels, options.color_mixes))
     incomplete = ""
     if target.kind == "circle":
-        measured = measure_lone_circles(
-            gray,
+        measured = measure_circles(
+            channels,
+            views,
             camera,
             target,
             intervals,
@@ -197,44 +219,105 @@ def estimate_with_trace(
             refine=refine,
             # The other methods, and rings, use the edges themselves.
             are_starts=methods == ("chen-huang",),
+            keep_fits=keep_fits,
             options=numbers,
         )
-        starts, rejected = measured.rims, measured.rejected
-        after = _fitted(levels, camera, starts, refine=refine, keep_fits=keep_fits, options=numbers)
-        circles = results_of_rims(
-            after.rims, camera, methods, target.radii_mm[0], range(len(starts)), "disc", options=numbers
+        rejected, remark = measured.rejected, measured.remark
+        trace = Trace(
+            camera,
+            channels,
+            measured.gray,
+            measured.contours,
+            measured.starts,
+            measured.rims,
+            measured.fits,
+            measured.mixes,
         )
+        circles = results_of_rims(
+            trace.rims, camera, methods, target.radii_mm[0], range(len(trace.rims)), "disc", options=numbers
+        )
+        circles = with_nested_rims(circles, measured.nested, numbers.detection)
         circles = settled_by_hints(circles, target, options=options.disambiguation)
     else:
-        # The polarity of a ring target is that of its largest circle.
-        measured = measure_rings(gray, camera, intervals, extraction=extraction, refine=refine, options=numbers)
-        matched = match_rings(measured.rims, camera, target, options=of_rings)
-        starts = measured.rims
-        if refine:
-            matched = with_hidden_rims(gray, camera, matched, target, options=of_rings)
-            starts = tuple(each.rim for each in matched.rims)
-        after = _fitted(levels, camera, starts, refine=refine, keep_fits=keep_fits, options=numbers)
-        found = find_ring_targets(after.rims, matched, camera, target, methods, placed=refine, options=of_rings)
-        circles, incomplete = list(found.circles), found.incomplete
-        rejected = measured.rejected + found.rejected
+        found, trace, remark = _ring_targets(
+            channels,
+            views,
+            camera,
+            target,
+            intervals,
+            methods,
+            extraction=extraction,
+            refine=refine,
+            keep_fits=keep_fits,
+            options=replace(options, measurement=numbers),
+        )
+        circles, incomplete, rejected = list(found.circles), found.incomplete, found.rejected
+    circles = [_with_mix(circle, trace) for circle in circles] if len(views) > 1 else circles
     circles = with_all_terms(circles, camera, target)
+    if min_score is not None:
+        usual = options.measurement.detection
+        circles = with_doubt(circles, usual.least_score * (1.0 if target.kind == "circle" else usual.ring_leniency))
     result = _image_result(name, size, target, circles, rejected, incomplete, intervals)
-    return result, Trace(camera, levels, measured.contours, starts, tuple(after.rims), tuple(after.fits))
+    if remark:
+        reason = "; ".join(each for each in (result.reason, remark) if each)
+        result = replace(result, remark=remark, reason=reason if result.status is not Status.OK else "")
+    return result, trace
 
 
-def _fitted(
-    levels: Image,
+def _ring_targets(
+    channels: Image,
+    views: tuple[ColorMix | None, ...],
     camera: Camera,
-    rims: tuple[Rim, ...],
+    target: Target,
+    intervals: AxisIntervals,
+    methods: tuple[str, ...],
     *,
+    extraction: str,
     refine: bool,
     keep_fits: bool,
-    options: MeasurementOptions,
-) -> LevelFits:
-    """Fit the rims to the gray levels where they are to be refined."""
-    if not refine:
-        return LevelFits(list(rims), [None] * len(rims))
-    return fit_levels(levels, camera, rims, keep_fits=keep_fits, options=options)
+    options: EstimateOptions,
+) -> tuple[RingTargets, Trace, str]:
+    """Return the ring targets of the view that shows most complete ones, and what is special of its pixels.
+
+    Of equal views the first, gray, counts.
+    """
+    numbers = options.measurement
+    of_rings = replace(options.rings, measurement=numbers)
+    best: tuple[RingTargets, Trace, str] | None = None
+    most = 0
+    for view in views:
+        # Only the fit to the levels can do without pixels that have none.
+        pixels = pixels_in(channels, view)
+        gray = pixels.whole
+        # In a mix, brighter and darker mean nothing.
+        wanted = target if view is None else replace(target, polarity="any")
+        # The polarity of a ring target is that of its largest circle.
+        measured = measure_rings(gray, camera, intervals, extraction=extraction, refine=refine, options=numbers)
+        matched = match_rings(measured.rims, camera, wanted, options=of_rings)
+        starts = measured.rims
+        if refine:
+            matched = with_hidden_rims(gray, camera, matched, wanted, options=of_rings)
+            starts = tuple(each.rim for each in matched.rims)
+        pixels, after = fit_rims_in(pixels, camera, starts, refine=refine, keep_fits=keep_fits, options=numbers)
+        found = find_ring_targets(after.rims, matched, camera, wanted, methods, placed=refine, options=of_rings)
+        complete = len({c.instance for c in found.circles if Flag.LONE_CIRCLE not in c.flags})
+        if best is None or complete > most:
+            found = replace(found, rejected=measured.rejected + found.rejected)
+            own = (view,) * len(after.rims)
+            rims, fits = tuple(after.rims), tuple(after.fits)
+            trace = Trace(camera, channels, pixels.own, measured.contours, starts, rims, fits, own)
+            best, most = (found, trace, pixels.remark), complete
+        if target.count is not None and most >= target.count:
+            break
+    assert best is not None
+    return best
+
+
+def _with_mix(circle: CircleResult, trace: Trace) -> CircleResult:
+    """Return a result with the mix in which its rim was measured."""
+    number = trace.number_of(circle)
+    mix = None if number is None else trace.mixes[number]
+    return circle if mix is None else replace(circle, color_mix=mix.by_name)
 
 
 def _image_result(
@@ -275,8 +358,13 @@ def _sizes_of_depths(target: Target, intervals: AxisIntervals) -> str:
 
 def _why_none(rejected: Counter[Rejection]) -> str:
     """Name the reason that stopped the most promising contours: the later stages first."""
-    late = [Rejection.DEPTH, Rejection.NO_POSE, Rejection.POLARITY, Rejection.NOT_IN_TARGET, Rejection.MAJOR_AXIS]
-    for reason in (*late, Rejection.MINOR_AXIS, Rejection.TOO_LITTLE_RIM, Rejection.NOT_ELLIPTICAL):
+    reasons = [Rejection.DEPTH, Rejection.NO_POSE, Rejection.POLARITY, Rejection.NOT_IN_TARGET, Rejection.RESIDUAL]
+    reasons += [Rejection.BY_CHANCE, Rejection.MAJOR_AXIS, Rejection.MINOR_AXIS]
+    reasons += [Rejection.TOO_LITTLE_RIM, Rejection.NOT_ELLIPTICAL]
+    # Dots are what the image shows where there are more of them than of contours that nearly are a rim.
+    dots_first = rejected[Rejection.TOO_SMALL] > rejected[Rejection.TOO_LITTLE_RIM]
+    reasons.insert(reasons.index(Rejection.TOO_LITTLE_RIM) + int(not dots_first), Rejection.TOO_SMALL)
+    for reason in reasons:
         if rejected[reason]:
             return f"no contour is the target's image; {rejected[reason]} came close: {reason}"
     return "no contour is the target's image"

@@ -81,6 +81,8 @@ class Flag(StrEnum):
     CHORD_MENDED = "chord_mended"
     PARTIAL_RIM = "partial_rim"
     EDGES_ONLY = "edges_only"
+    DOUBTFUL = "doubtful"
+    NESTED_RIMS = "nested_rims"
 
 
 FLAG_MEANING: Mapping[Flag, str] = {
@@ -94,7 +96,9 @@ FLAG_MEANING: Mapping[Flag, str] = {
     Flag.POOR_FIT: "the contour departs from the fitted ellipse by more than edge noise explains",
     Flag.CHORD_MENDED: "contour route: one of its four points lay on an outlier, which was left out",
     Flag.PARTIAL_RIM: "a tenth of the rim or more is hidden, cut off or without contrast; see rim_used",
-    Flag.EDGES_ONLY: "measured from edges alone: the gray levels along the rim could not be fitted; no covariance",
+    Flag.EDGES_ONLY: "measured from edges alone: no gray levels could be fitted; only a rough rim has a covariance",
+    Flag.DOUBTFUL: "may be round by chance: its score is below the least by default; --min-score asked for it",
+    Flag.NESTED_RIMS: "the circle's other concentric rims could be the target's, too; see nested_rims in JSON",
 }
 
 
@@ -225,6 +229,22 @@ def _vector(values: FloatArray, decimals: int) -> str:
     return f"({', '.join(f'{value:.{decimals}f}' for value in values.tolist())})"
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class NestedRim:
+    """One of several concentric rims, of which one is the circle's."""
+
+    ellipse: Ellipse
+    """in the raw distorted image, px, as it was detected"""
+    polarity: int
+    """+1: darker inside, -1: brighter inside"""
+    distance_mm: float | None
+    """of the circle's center from the camera, were this its rim; None where it cannot be measured"""
+    is_admitted: bool
+    """whether it could be the target's rim; else it has no pose, or one outside the depth range"""
+    is_taken: bool
+    """whether it is the one that was measured"""
+
+
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class CircleResult:
     """One circle of one target in one image, measured by one method."""
@@ -261,7 +281,11 @@ class CircleResult:
     """how surely the contour is a circle's rim, 0 to 1; None where the rim was looked for at a known place"""
     contour: FloatArray | None = None
     """(n, 2) px, the contour in use"""
+    color_mix: Mapping[str, float] | None = None
+    """weights by channel of the color mix whose levels were measured; None for the gray levels"""
     flags: tuple[Flag, ...] = ()
+    nested_rims: tuple[NestedRim, ...] = ()
+    """the concentric rims that were seen, largest first, where there are several and one is to be chosen"""
     status: Status = Status.OK
     reason: str = ""
 
@@ -299,7 +323,7 @@ class ImageResult:
     rejected: Mapping[str, int] = field(default_factory=dict)
     """how many contours were not used, by reason"""
     remark: str = ""
-    """what else is to be said of the image file: that it has more pages"""
+    """what else is to be said of the image: that its file has more pages, that it is a raw mosaic or interlaced"""
 
     def __repr__(self) -> str:
         size = "" if self.image_size is None else f", {self.image_size[0]} x {self.image_size[1]} px"

@@ -32,15 +32,15 @@ class NotInstalledError(Exception):
 
 
 @contextmanager
-def environment(requirement: str) -> Iterator[str]:
-    """Make an environment with `requirement`, and give its interpreter; it is removed at the end."""
+def environment(*requirements: str) -> Iterator[str]:
+    """Make an environment with `requirements`, and give its interpreter; it is removed at the end."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name) / "environment"
         subprocess.run([sys.executable, "-m", "venv", folder], check=True)
         python = str(folder / ("Scripts" if sys.platform == "win32" else "bin") / "python")
-        install = [python, "-m", "pip", "install", "--quiet", requirement]
+        install = [python, "-m", "pip", "install", "--quiet", *requirements]
         if subprocess.run(install, capture_output=True, check=False).returncode != 0:
-            raise NotInstalledError(f"{requirement} is left out: pip cannot install it here.")
+            raise NotInstalledError(f"{', '.join(requirements)} is left out: pip cannot install it here.")
         yield python
 
 

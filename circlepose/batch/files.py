@@ -38,6 +38,8 @@ def measure(
     extraction: str = EXTRACTIONS[0],
     scale_calibration: bool = False,
     force_calibration: bool = False,
+    min_score: float | None = None,
+    max_residual_px: float | None = None,
 ) -> Iterator[ImageResult]:
     """Measure many image files; yield a result for each, in order, as soon as it is there.
 
@@ -55,7 +57,7 @@ def measure(
         more than a few images: a script that asks for workers needs the usual `if __name__ == "__main__":`.
     timeout_s
         Time for one image, in s; if it takes longer, its status is `timed_out`. Needs a worker, which it starts.
-    method, refine, extraction, scale_calibration, force_calibration
+    method, refine, extraction, scale_calibration, force_calibration, min_score, max_residual_px
         As of `circlepose.estimate`.
 
     Returns
@@ -80,6 +82,8 @@ def measure(
         scale_calibration=_arguments.truth("scale_calibration", scale_calibration),
         extraction=extraction,
         force_calibration=_arguments.truth("force_calibration", force_calibration),
+        min_score=_arguments.score("min_score", min_score),
+        max_residual_px=_arguments.bound_px("max_residual_px", max_residual_px),
     )
     if jobs is not None and _arguments.whole("jobs", jobs, _JOBS) < 1:
         raise ArgumentError(f"jobs: expected {_JOBS}, got {jobs}.")

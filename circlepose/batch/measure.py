@@ -61,6 +61,8 @@ class MeasureOptions:
     scale_calibration: bool = False
     extraction: str = "edges"
     force_calibration: bool = False
+    min_score: float | None = None
+    max_residual_px: float | None = None
 
 
 def measure_file(item: WorkItem, options: MeasureOptions) -> ImageResult:
@@ -99,11 +101,14 @@ def _measure_file(item: WorkItem, options: MeasureOptions) -> ImageResult:
         extraction=options.extraction,
         scale_calibration=options.scale_calibration,
         force_calibration=options.force_calibration,
+        min_score=options.min_score,
+        max_residual_px=options.max_residual_px,
         name=item.name,
     )
     if item.overlay is not None:
         _write_overlay(item.overlay, image, result, item.camera, overwrite=item.overwrite)
-    return replace(result, remark=remark) if remark else result
+    remarks = "; ".join(each for each in (remark, result.remark) if each)
+    return replace(result, remark=remarks) if remark else result
 
 
 def _without_name(error: ImageError, item: WorkItem) -> str:

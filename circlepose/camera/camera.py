@@ -222,6 +222,14 @@ class Camera:
         sigma = CameraSigma(self.sigma.focal_px * mean, self.sigma.center_px * mean)
         return replace(self, camera_matrix=frozen(matrix), image_size=image_size, sigma=sigma)
 
+    def reduced_by(self, scale: int) -> Self:
+        """Return the camera of the same lens whose images have `scale` px averaged each way; see `scaled_to`."""
+        matrix = self.camera_matrix.copy()
+        matrix[:2, :2] /= scale
+        matrix[:2, 2] = (matrix[:2, 2] + 0.5) / scale - 0.5
+        sigma = CameraSigma(self.sigma.focal_px / scale, self.sigma.center_px / scale)
+        return replace(self, camera_matrix=frozen(matrix), image_size=None, sigma=sigma)
+
 
 def circle_points(center: FloatArray, normal: FloatArray, radius: float, number: int = 360) -> FloatArray:
     """Return `number` rim points (..., number, 3) of circles with `center` and `normal` (..., 3), in mm."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -23,7 +24,12 @@ class Rejection(StrEnum):
     MINOR_AXIS = "minor axis outside its interval"
     TOO_LITTLE_RIM = "too little of the ellipse's rim stands on an edge"
     WEAK_EDGE = "edge hardly above the noise"
+    BLURRED = "edge too blurred to be located"
     RAGGED = "edge departs too far from an ellipse"
+    POLYGON = "edge has corners at equal angles, as a polygon's"
+    HOLLOW = "the middle is as bright as the surroundings, as in a ring or a letter"
+    BY_CHANCE = "round by chance: most shapes of its size around it are not"
+    WITHOUT_EDGE = "a blob without an edge"
     UNLIKE_A_RIM = "edge strays and varies more than the rim of a circle so small"
     POLARITY = "brighter or darker inside than asked for"
     DUPLICATE = "same edge as a contour kept"
@@ -32,6 +38,9 @@ class Rejection(StrEnum):
     NO_POSE = "what is seen of its rim settles no pose"
     BEYOND_COUNT = "more than --count, with less evidence"
     NOT_IN_TARGET = "belongs to no complete target"
+    RESIDUAL = "edges farther from an ellipse than --max-residual-px"
+    TOO_SMALL = "smaller than is looked for"
+    BUDGET = "not tried again: more doubtful contours than the time for one image allows"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,6 +63,16 @@ class Contour:
     """levels x px; contours are ranked by it: edge height summed along the rim, less for a ragged one"""
     score: float
     """confidence that it is a circle's rim, 0 to 1: `rim_used`, less where the edge strays or varies"""
+    noise_px: float = 0.0
+    """about the scatter of an edge by noise"""
+    ragged: float = 0.0
+    """scatter of the edges beyond noise, over the largest that pixels and lens explain: above 1 the rim is rough"""
+    blur_px: float = 0.0
+    """about the blur of the edge, where it was located in a reduced image; 0 where in the full one"""
+    nested: tuple[Contour, ...] = ()
+    """those inside it of the same center, largest first, where one could be taken for it: see `nested_in`"""
+    color_mix: Mapping[str, float] | None = None
+    """weights by channel of the color mix in which it was found; None for the gray levels"""
 
     @property
     def kept_because(self) -> str:
@@ -62,7 +81,12 @@ class Contour:
         return (
             f"{self.rim_used:.0%} of its rim on an edge of {self.step:.0f} levels, {side} inside, "
             f"{self.residual_px:.2f} px from an ellipse, score {self.score:.2f}"
-        )
+        ) + ("" if self.color_mix is None else f", in the mix {mix_in_words(self.color_mix)}")
+
+
+def mix_in_words(color_mix: Mapping[str, float]) -> str:
+    """Return the weights of a color mix for a person."""
+    return " ".join(f"{weight:+.2f} {channel}" for channel, weight in color_mix.items())
 
 
 @dataclass(frozen=True, slots=True, eq=False)

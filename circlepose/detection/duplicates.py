@@ -1,6 +1,13 @@
-"""Which of many ellipses are the same edge twice, or lie within another of the same center."""
+"""Which of many ellipses are the same edge twice, or lie within another of the same center.
+
+Rims of one center that lie within each other are nested: a disc with a ring around it, a washer, a countersunk hole.
+One of them is the target's rim, and taking another is a mistake of scale. Not every contour inside another can be
+mistaken for it: `nested_in` leaves out what is far smaller, and the two sides of one drawn line.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -31,8 +38,50 @@ def repeats(ellipse: Ellipse, ranked: IntArray, options: DetectionOptions = DEFA
 
 def inside_others(ellipse: Ellipse, which: IntArray, options: DetectionOptions = DEFAULT) -> IntArray:
     """Return those of `which` that lie within another of them with the same center and nearly the same shape."""
+    return np.unique(_within(ellipse, which, options)[0])
+
+
+def nested_in(
+    ellipse: Ellipse,
+    polarity: FloatArray,
+    outer: Sequence[int],
+    inner: Sequence[int],
+    options: DetectionOptions = DEFAULT,
+) -> dict[int, list[int]]:
+    """Return, of each of the candidates `outer`, those of `inner` that are nested in it, largest first.
+
+    They are listed only where one of them could be taken for the outer one, by its size and `polarity` (m,).
+    """
+    within, around = _within(ellipse, np.array([*outer, *inner], np.int64), options)
+    nested: dict[int, list[int]] = {}
+    for i, o in zip(within.tolist(), around.tolist(), strict=True):
+        nested.setdefault(o, []).append(i)
+    size = ellipse.semi_major
+    found = {}
+    for o in outer:
+        large = [i for i in nested.get(o, []) if size[i] >= options.least_nested_ratio * size[o]]
+        if any(are_confusable(size[i], polarity[i], size[o], polarity[o], options) for i in large):
+            found[o] = sorted(large, key=lambda i: -float(size[i]))
+    return found
+
+
+def are_confusable(
+    first: float, first_polarity: float, second: float, second_polarity: float, options: DetectionOptions = DEFAULT
+) -> bool:
+    """Return whether one of two concentric rims, by semi-major axes (px), could be taken for the other.
+
+    Not a small thing in the middle of a large one, and not the two sides of one drawn line.
+    """
+    ratio = min(first, second) / max(first, second)
+    return options.least_nested_ratio <= ratio and (
+        first_polarity * second_polarity > 0.0 or ratio < options.most_line_ratio
+    )
+
+
+def _within(ellipse: Ellipse, which: IntArray, options: DetectionOptions) -> tuple[IntArray, IntArray]:
+    """Return the pairs (inner, outer) of `which` of the same center and nearly the same shape."""
     if len(which) < 2:
-        return which[:0]
+        return which[:0], which[:0]
     chosen = ellipse[which]
     farthest = options.concentric_share * float(chosen.semi_minor.max(initial=0.0)) + 1.0
     first, second = _neighbors(chosen.center, farthest)
@@ -50,7 +99,7 @@ def inside_others(ellipse: Ellipse, which: IntArray, options: DetectionOptions =
         & (ratio > options.least_inner_ratio)
         & (ratio < 1.0)
     )
-    return np.unique(which[inner[inside]])
+    return which[inner[inside]], which[outer[inside]]
 
 
 def _neighbors(centers: FloatArray, distance: float) -> tuple[IntArray, IntArray]:

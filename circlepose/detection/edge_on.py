@@ -12,6 +12,7 @@ from circlepose.detection.occluded import partial_rim
 from circlepose.detection.options import DEFAULT, DetectionOptions
 from circlepose.detection.verification import Candidates
 from circlepose.geometry.ellipse import Ellipse, rim_distance, signed_distance
+from circlepose.imaging.pyramid import Reduced
 from circlepose.imaging.subpixel_edges import sample
 from circlepose.photometry.thin.fit import ThinEllipse, fit_thin_ellipse
 from circlepose.targets import Polarity
@@ -74,7 +75,7 @@ def _tapers(fitted: ThinEllipse, options: DetectionOptions) -> bool:
 
 def _from_both_sides(levels: Image, rough: Ellipse, options: DetectionOptions) -> Contour | None:
     """Return the contour of a sliver wide enough to have an edge on either side, hidden in part or not, or None."""
-    rim = partial_rim(levels, rough, options)
+    rim = partial_rim(Reduced(levels), rough, options)
     if rim is None:
         return None
     if not options.least_wide_px <= rim.ellipse.semi_minor <= options.widest_ratio * rim.ellipse.semi_major:
@@ -97,7 +98,7 @@ def _from_both_sides(levels: Image, rough: Ellipse, options: DetectionOptions) -
         rim_used=share,
         residual_px=float(np.sqrt(np.mean(residual**2))),
         evidence=share * _perimeter(rim.ellipse) * abs(step),
-        score=float(Candidates.of_partial([rim], options).quality[0]) * share,
+        score=float(Candidates.of_partial(Reduced(levels), [rim], options).quality[0]) * share,
     )
 
 

@@ -18,9 +18,10 @@ from circlepose.detection.edges.canny import edge_chains
 from circlepose.detection.edges.chains import Chains
 from circlepose.detection.edges.region_borders import border_chains
 from circlepose.detection.options import DEFAULT, DetectionOptions
+from circlepose.detection.surroundings import Surroundings
 from circlepose.detection.unexplained_edges import rims_drawn
 from circlepose.fitting.direct import fit_each
-from circlepose.geometry.ellipse import Ellipse, rim_distance
+from circlepose.geometry.ellipse import NO_ELLIPSES, Ellipse, rim_distance
 from circlepose.imaging.pyramid import to_full_size
 from circlepose.targets.target import AxisIntervals
 
@@ -36,6 +37,8 @@ class Hypotheses:
     """(batch) px of the full image"""
     rejected: Counter[Rejection]
     """number of chains and ellipses that were passed over, by reason"""
+    surroundings: Surroundings | None
+    """the boxes of all edges, of the full-size image alone"""
 
 
 def rough_ellipses(
@@ -56,11 +59,14 @@ def rough_ellipses(
     edge-on.
     """
     rejected: Counter[Rejection] = Counter()
-    chains = _chains(image, extraction, tiles, options)
+    # A dot of a reduced image is a circle of the full one.
+    chains = _chains(image, extraction, tiles, options.least_major_px if scale == 1.0 else 0.0, options)
+    surroundings = Surroundings.of(chains, image) if scale == 1.0 else None
     extents = chains.extents()
     shortest, longest = _extents(intervals, scale, image, options)
     large = extents >= shortest
     rejected[Rejection.TOO_SHORT] = int(np.count_nonzero(~large))
+    rejected[Rejection.TOO_SMALL] = chains.dots
     on_known = rims_drawn(known, scale, image)
     if on_known is not None and len(chains):
         explained = chains.shares(on_known[chains.points[:, 1], chains.points[:, 0]]) >= options.known_share
@@ -87,13 +93,15 @@ def rough_ellipses(
     minor_ok = _within(2.0 * found.semi_minor, intervals.minor_px, slack_px)
     rejected[Rejection.MAJOR_AXIS] = int(np.count_nonzero(~major_ok))
     rejected[Rejection.MINOR_AXIS] = int(np.count_nonzero(major_ok & ~minor_ok))
-    return Hypotheses(found[major_ok & minor_ok], rejected)
+    return Hypotheses(found[major_ok & minor_ok], rejected, surroundings)
 
 
-def _chains(image: Image, extraction: str, tiles: BoolArray | None, options: DetectionOptions) -> Chains:
+def _chains(
+    image: Image, extraction: str, tiles: BoolArray | None, dot_px: float, options: DetectionOptions
+) -> Chains:
     if extraction == "coincidence":
         return border_chains(image, options.shortest_chain, options.edges)
-    return edge_chains(image, options.shortest_chain, tiles, options.edges)
+    return edge_chains(image, options.shortest_chain, tiles, options.edges, dot_px=dot_px)
 
 
 def _extents(intervals: AxisIntervals, scale: float, image: Image, options: DetectionOptions) -> tuple[float, float]:
@@ -112,7 +120,7 @@ def _closed(chains: Chains, whole: BoolArray, options: DetectionOptions) -> tupl
     index = np.flatnonzero(whole)
     parent = chains.parents[index]
     if len(index) == 0:
-        return _no_ellipses(), np.zeros(len(chains), np.bool_), np.zeros(len(chains), np.bool_)
+        return NO_ELLIPSES, np.zeros(len(chains), np.bool_), np.zeros(len(chains), np.bool_)
     ellipse, fullness = chains.moment_ellipses(index)
     good = np.abs(fullness - 1.0) <= 1.0 - options.least_fullness
     good &= ellipse.semi_minor >= 1.0
@@ -145,7 +153,7 @@ def _opened(
     index = np.flatnonzero(whole & (chains.sizes[rest] >= options.shortest_open_chain))
     index = index[np.argsort(-chains.sizes[rest[index]], kind="stable")[: options.most_open_chains]]
     if len(index) == 0:
-        return _no_ellipses(), settled, fits
+        return NO_ELLIPSES, settled, fits
     samples = chains.samples(rest[index], _SAMPLES)
     ellipse, good, _ = in_parts(partial(_trimmed, options), samples, chains.sizes[rest[index]].astype(np.float64))
     distance = np.abs(rim_distance(ellipse, samples))
@@ -201,7 +209,7 @@ def _pieces(
 def _from_arcs(arcs: Arcs, longest: float, options: DetectionOptions) -> Ellipse:
     """Return the ellipses of single arcs and of those that lie on one, the fullest."""
     if len(arcs) == 0:
-        return _no_ellipses()
+        return NO_ELLIPSES
     single, good, share = in_parts(partial(_trimmed, options), arcs.samples, arcs.lengths)
     cover = share * arcs.lengths / (np.pi * (single.semi_major + single.semi_minor))
     together, together_cover = joined_arcs(arcs[bulging(arcs, options.edges)], longest, options.edges)
@@ -225,10 +233,6 @@ def _near(ellipse: Ellipse, options: DetectionOptions) -> FloatArray:
 def _closely(ellipse: Ellipse, options: DetectionOptions) -> FloatArray:
     """Return the distance (m,), px, up to which a chain is of its ellipse alone."""
     return np.maximum(options.close_rms_px, options.close_rms_share * ellipse.semi_major)
-
-
-def _no_ellipses() -> Ellipse:
-    return Ellipse(np.empty((0, 2)), np.empty(0), np.empty(0), np.empty(0))
 
 
 def _within(length_px: FloatArray, interval: tuple[float, float] | None, slack_px: float) -> BoolArray:

@@ -10,13 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from circlepose._typing import BoolArray, FloatArray, Image
+from circlepose._typing import BoolArray, FloatArray
 from circlepose.detection.options import DEFAULT, DetectionOptions
 from circlepose.fitting.arc_precision import axis_errors, curvature_radius
 from circlepose.fitting.direct import fit_each
 from circlepose.fitting.ransac import on_one_ellipse_each
 from circlepose.geometry.ellipse import Ellipse, rim_distance
-from circlepose.imaging.subpixel_edges import RimEdges, edges_along
+from circlepose.imaging.pyramid import Reduced
+from circlepose.imaging.subpixel_edges import RimEdges, edge_noise_px, edges_along, noise_share
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,15 +31,15 @@ class PartialRim:
     """(k,) the samples whose edge lies on it"""
 
 
-def partial_rim(levels: Image, start: Ellipse, options: DetectionOptions = DEFAULT) -> PartialRim | None:
+def partial_rim(image: Reduced, start: Ellipse, options: DetectionOptions = DEFAULT) -> PartialRim | None:
     """Fit the ellipse near `start` that most of the edges along it agree on; None when they do not agree."""
-    return partial_rims(levels, start[None], options)[0]
+    return partial_rims(image, start[None], options)[0]
 
 
-def partial_rims(levels: Image, start: Ellipse, options: DetectionOptions = DEFAULT) -> list[PartialRim | None]:
+def partial_rims(image: Reduced, start: Ellipse, options: DetectionOptions = DEFAULT) -> list[PartialRim | None]:
     """Fit, near each of the ellipses `start` (batch), the ellipse that most of the edges along it agree on.
 
-    `levels` is the (h, w) image. Where a thin ellipse starts from one of its sides, or a part of one, its edge leads
+    Lengths are px of `image`. Where a thin ellipse starts from one of its sides, or a part of one, its edge leads
     on to the rest in further rounds.
     """
     last_round = len(options.partial_draws) - 1
@@ -47,9 +48,11 @@ def partial_rims(levels: Image, start: Ellipse, options: DetectionOptions = DEFA
     for turn, draws in enumerate(options.partial_draws):
         if len(which) == 0:
             break
-        edges = edges_along(levels, ellipse, options.last_half_width_px, options.samples, quick=True)
+        edges = edges_along(image.levels, ellipse, options.last_half_width_px, options.samples, quick=True)
         usable = edges.valid & (curvature_radius(ellipse, options.samples) >= options.sharpest_px)
+        noise_px = edge_noise_px(noise_share(image.noise, edges.step, edges.valid), edges.blur_px)
         near_px = options.partial_near_px + options.partial_near_share * ellipse.semi_major
+        near_px = np.maximum(near_px, options.rim_tolerance_sigmas * noise_px)
         alive = np.count_nonzero(usable, axis=1) >= options.least_run_samples
         chosen = on_one_ellipse_each(edges.points, usable, near_px, draws)
         fitted = ellipse

@@ -8,7 +8,8 @@ measurement differ by purpose: detection starts from a rough ellipse, measuremen
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Self
 
 from circlepose.detection.edges.options import EdgeOptions
 from circlepose.photometry.options import PhotometryOptions
@@ -124,6 +125,10 @@ class DetectionOptions:
     """px; distance up to which an edge is of the rim; empirical"""
     rim_tolerance_share: float = 0.008
     """the same as a share of the semi-major axis, the larger of both counts; empirical"""
+    close_px: float = 2.5
+    """px; distance up to which an edge that is not of the rim is close to it; empirical"""
+    rim_tolerance_sigmas: float = 2.5
+    """scatters of an edge by noise, up to which it is of the rim, the largest counts; statistical"""
     ragged_px: float = 0.2
     """px; largest rms distance of the edges from the ellipse: pixel noise; empirical"""
     ragged_share: float = 0.004
@@ -141,13 +146,43 @@ class DetectionOptions:
     least_step_share: float = 0.012
     """least height of an edge, as a share of the gray range in use; empirical"""
     least_step_of_typical: float = 0.3
-    """least height of an edge over the typical one of the image's circles; empirical"""
+    """least height of a small rim's edge over the typical one of the image's circles; empirical"""
+    chance_px: float = 8.0
+    """px; semi-minor axis below which things are round by chance, so that a faint one beside strong ones does not
+    count; empirical"""
+    middle_share: float = 0.4
+    """size of the ellipse on which the level in the middle of a rim is taken, over the rim's; empirical"""
+    around_px: float = 3.0
+    """px; distance outside a small rim at which the level around it is taken; empirical"""
+    around_share: float = 0.85
+    """share of the surroundings that are as what is inside, from which the rim is a line's; empirical"""
+    inner_share: float = 0.7
+    """size of the ellipse on which the level inside a rim seen in part is taken, over the rim's; empirical"""
+    least_inside: float = 0.7
+    """share of what is seen of the rim where this level is that of the inside; empirical"""
+    solid_share: float = 0.95
+    """share of what is inside a rim on that side of the edge, from which it is a disc's; empirical"""
+    noise_step: float = 1.5
+    """noises; mean height of the edges that are found along an ellipse in white noise; empirical"""
+    noise_step_scatter: float = 0.9
+    """noises; its standard deviation over such ellipses, times the root of their length in px; empirical"""
+    noise_sigmas: float = 6.0
+    """standard deviations above it, from which an edge is not noise: 1e-9 for each ellipse that is tried, so 1e-5 for
+    an image with ten thousand of them; statistical"""
+    least_corners: int = 3
+    """corners of the polygons that are told from circles, at least; exact"""
+    most_corners: int = 16
+    """the same at most: with more, an edge errs by less than 0.8 % of the radius; empirical"""
+    polygon_slack: float = 0.5
+    """relative difference of the harmonic's height from a regular polygon's, at most; empirical"""
+    polygon_chance: float = 1e-6
+    """probability by chance of the share of the residuals that is in the one harmonic, at most; statistical"""
+    least_side_px: float = 3.0
+    """px; shortest side of a polygon that can be seen; numerical"""
     stray_px: float = 0.08
     """px; rms distance from the ellipse that halves the quality; empirical"""
     stray_share: float = 0.015
     """share of the semi-minor axis added to it; empirical"""
-    stray_widest_px: float = 15.0
-    """px; semi-minor axis up to which it is added; empirical"""
     uneven: float = 0.15
     """relative spread of the edge's height along the rim that halves the quality; empirical"""
     uneven_per_px: float = 0.02
@@ -165,9 +200,46 @@ class DetectionOptions:
     hopeless_partial_quality: float = 0.1
     """the same of a rim seen in part; empirical"""
 
+    # What is round by chance among the shapes around it: see `surroundings`.
+    around_semi_majors: float = 8.0
+    """semi-major axes; distance up to which shapes are around a contour; empirical"""
+    least_alike: float = 0.5
+    """size of a shape over the contour's, from which it is of its size; empirical"""
+    alike_height: float = 0.5
+    """height of a shape's edge over the contour's, from which it is of its kind; empirical"""
+    evident_px: float = 5.0
+    """px; semi-minor axis from which the score tells discs from what is round by chance; empirical"""
+    evident_score: float = 0.8
+    """score from which it is a disc: 3 % of what is round by chance has it, and most discs; empirical"""
+    most_noise_around: float = 0.2
+    """noise over the height of an edge, above which noise has edges half as high: levels differ by five noises in
+    5 x 5 px; statistical"""
+    own_semi_majors: float = 1.2
+    """semi-major axes; distance up to which shapes belong to the contour; empirical"""
+    chance_odds: float = 2.0
+    """shapes that are not round for each that is by chance, where their semi-minor axis is `chance_px`; empirical"""
+    least_around: float = 5.0
+    """such shapes, at least, from which they are many; empirical"""
+
+    # The look at reduced images, in px of these.
+    noisy_share: float = 0.1
+    """noise over the height of an edge, from which it stands out better in a reduced image; empirical"""
+    wide_px: float = 0.95
+    """px; measured blur from which an edge may be wider than the profiles, which show 1.1 at most; empirical"""
+    wide_growth: float = 1.25
+    """height of an edge in the next smaller image over that here, from which it is: that of 1.7 px; empirical"""
+    rough_px: float = 15.0
+    """px; semi-minor axis from which an edge that is rough by 2 % of it may be out of reach; numerical"""
+    least_reduced_px: float = 3.5
+    """px; semi-minor axis down to which an image is reduced for a candidate; numerical"""
+    reduced_half_width_px: float = 3.5
+    """px; half-width of the first search across a candidate; empirical"""
+
     # The end of the search from coarse to fine.
     whole_rim: float = 0.8
     """share of its rim from which a circle is seen whole, or nearly; empirical"""
+    least_pixels: float = 30_000.0
+    """px of the smallest image in which the search may end: in smaller ones concentric rims are one; numerical"""
     certain_px: float = 20.0
     """px of a reduced image; a circle this large is found in it; empirical"""
 
@@ -182,10 +254,25 @@ class DetectionOptions:
     """difference of the minor axes at equal size over the semi-major axis, for shapes that are alike; empirical"""
     least_inner_ratio: float = 0.1
     """size ratio below which a contour inside another is another thing; empirical"""
+    least_nested_ratio: float = 0.4
+    """size ratio from which one could be taken for the other; a smaller one is a dot, a hole or a screw; empirical"""
+    most_line_ratio: float = 0.9
+    """size ratio from which rims of opposite polarity are the two sides of one drawn line; empirical"""
 
     # Rims of which a part is hidden.
-    most_partial: int = 6
-    """candidates of one image that are tried, most evidence first; cost"""
+    most_partial: int = 100
+    """candidates of one image that are tried, most evidence first, some 3 ms each; cost"""
+    partial_at_once: int = 12
+    """candidates that are tried together, of one circle one only; cost"""
+    most_fruitless: int = 24
+    """candidates in a row without a rim, after which the rest is left; cost"""
+    same_rim_share: float = 0.7
+    """share of a candidate's edges that lie on another, from which it is of the same rim; empirical"""
+    least_shared: float = 0.5
+    """share of the edges of a rim in part near a rough rim, from which both are of the same edges; empirical"""
+    closer_ratio: float = 0.33
+    """distance of the edges from it over that from the rough rim, at most, where something covers the rest: by chance
+    1e-5 for a rough rim with 15 independent edges in the part; statistical"""
     least_in_runs: float = 0.3
     """share of a candidate's rim that must agree in long runs to be tried; empirical"""
     partial_draws: tuple[int, ...] = (120, 60, 40, 40, 40)
@@ -266,6 +353,26 @@ class DetectionOptions:
     """share of the rim from which a sliver counts as whole here; empirical"""
     most_structure: float = 1.6
     """largest excess of the residuals along a sliver over noise; empirical"""
+
+    def with_least_score(self, score: float | None) -> Self:
+        """Return the numbers with the least score (0 to 1) of a contour replaced; None leaves it.
+
+        The bounds on its two factors, the quality and the share of the rim, are lowered with it.
+        """
+        if score is None:
+            return self
+        lower = min(score / self.least_score, 1.0) if self.least_score > 0.0 else 1.0
+        return replace(
+            self,
+            least_score=score,
+            least_quality=lower * self.least_quality,
+            hopeless_quality=lower * self.hopeless_quality,
+            hopeless_partial_quality=lower * self.hopeless_partial_quality,
+            least_rim=lower * self.least_rim,
+            clean_rim=lower * self.clean_rim,
+            least_around=self.least_around / lower if lower > 0.0 else float("inf"),
+            chance_odds=self.chance_odds / lower if lower > 0.0 else float("inf"),
+        )
 
 
 DEFAULT = DetectionOptions()

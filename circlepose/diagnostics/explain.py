@@ -14,6 +14,7 @@ from circlepose.detection.contour import Contour
 from circlepose.diagnostics.residuals import LevelResiduals, level_residuals, residuals_of_fit
 from circlepose.geometry.cone import factor_from_circle
 from circlepose.geometry.ellipse import Ellipse
+from circlepose.measurement.color_views import levels_in
 from circlepose.measurement.options import MeasurementOptions
 from circlepose.measurement.rim import EdgeRim, Rim
 from circlepose.pipeline import ESTIMATE_OPTIONS, EstimateOptions, Trace, estimate_with_trace
@@ -76,6 +77,8 @@ def explain(
     extraction: str = EXTRACTIONS[0],
     scale_calibration: bool = False,
     force_calibration: bool = False,
+    min_score: float | None = None,
+    max_residual_px: float | None = None,
     name: str = "",
     options: EstimateOptions = ESTIMATE_OPTIONS,
 ) -> Explanation:
@@ -83,7 +86,8 @@ def explain(
 
     Parameters
     ----------
-    image, camera, target, method, refine, extraction, scale_calibration, force_calibration, name, options
+    image, camera, target, method, refine, extraction, scale_calibration, force_calibration, min_score, \
+    max_residual_px, name, options
         As for `circlepose.estimate`.
 
     Returns
@@ -105,6 +109,8 @@ def explain(
         extraction=extraction,
         scale_calibration=scale_calibration,
         force_calibration=force_calibration,
+        min_score=min_score,
+        max_residual_px=max_residual_px,
         name=name,
         options=options,
     )
@@ -124,15 +130,17 @@ def _residuals(
     factors = {i: _factor(circle) for i, (circle, _) in enumerate(numbered) if circle.candidates}
     fits = {i: fit for i in factors if (fit := trace.fits[numbered[i][1]]) is not None}
     unfitted = [i for i in factors if i not in fits]
-    fitted_now = level_residuals(
-        trace.levels,
-        trace.camera,
-        [trace.rims[numbered[i][1]].ellipse for i in unfitted],
-        [factors[i] for i in unfitted],
-        options=options,
-    )
-    found = {i: residuals_of_fit(fit, factors[i]) for i, fit in fits.items()}
-    found.update(zip(unfitted, fitted_now, strict=True))
+    found: dict[int, LevelResiduals | None] = {i: residuals_of_fit(fit, factors[i]) for i, fit in fits.items()}
+    for mix in {trace.mixes[numbered[i][1]] for i in unfitted}:
+        own = [i for i in unfitted if trace.mixes[numbered[i][1]] == mix]
+        fitted_now = level_residuals(
+            trace.levels if mix is None and trace.levels is not None else levels_in(trace.channels, mix),
+            trace.camera,
+            [trace.rims[numbered[i][1]].ellipse for i in own],
+            [factors[i] for i in own],
+            options=options,
+        )
+        found.update(zip(own, fitted_now, strict=True))
     return [found.get(i) for i in range(len(numbered))]
 
 

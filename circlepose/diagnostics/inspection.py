@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections import Counter
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from circlepose import _arguments
+from circlepose._batching import joined
 from circlepose._typing import Image
-from circlepose.detection.contour import Contour, DetectionResult
+from circlepose.detection.contour import Contour, DetectionResult, Rejection
 from circlepose.detection.detect import find_contours
+from circlepose.detection.options import DEFAULT, DetectionOptions
+from circlepose.geometry.ellipse import Ellipse
+from circlepose.imaging.color_mixes import color_mixes
 from circlepose.imaging.float_levels import without_gaps
-from circlepose.imaging.gray import to_grey
+from circlepose.imaging.gray import gray_of, to_channels
+from circlepose.imaging.noise import noise_of
+from circlepose.imaging.usable_pixels import usable_pixels
+from circlepose.measurement.color_views import of_other_polarity, ranked, seen_well
 from circlepose.targets import POLARITIES, Polarity
 from circlepose.targets.target import AxisIntervals
 
@@ -31,10 +39,18 @@ class Inspection:
     extraction: DetectionResult
     suggested: AxisIntervals | None
     """intervals that hold the largest family of the contours kept; None where there are none"""
+    remark: str = ""
+    """what is special of the pixels of the image, such as a raw mosaic"""
 
 
 def inspect(
-    image: Image, intervals: AxisIntervals | None = None, polarity: Polarity = "any", *, rings: bool = False
+    image: Image,
+    intervals: AxisIntervals | None = None,
+    polarity: Polarity = "any",
+    *,
+    rings: bool = False,
+    min_score: float | None = None,
+    max_residual_px: float | None = None,
 ) -> Inspection:
     """Look for all circles in `image`, as `estimate` takes it, without a calibration or a radius.
 
@@ -48,6 +64,10 @@ def inspect(
         `dark`, `bright` or `any`.
     rings
         Whether to keep those inside others of the same center, too.
+    min_score
+        As of `circlepose.estimate`.
+    max_residual_px
+        As of `circlepose.estimate`, but from an ellipse in the raw image: the lens is not known.
 
     Returns
     -------
@@ -62,9 +82,64 @@ def inspect(
         _arguments.instance_of(AxisIntervals, "intervals", intervals, "such as AxisIntervals(major_px=(20.0, 200.0))")
     _arguments.one_of(POLARITIES, "polarity", polarity)
     rings = _arguments.truth("rings", rings)
-    grey = without_gaps(to_grey(image))
-    found = find_contours(grey, intervals or AxisIntervals(), polarity, keep_concentric=rings)
-    return Inspection((int(grey.shape[1]), int(grey.shape[0])), found, suggested_intervals(found.contours))
+    channels = to_channels(image)
+    options = DEFAULT.with_least_score(_arguments.score("min_score", min_score))
+    pixels = usable_pixels(gray_of(channels))
+    found = _found_in_views(channels, pixels.whole, intervals or AxisIntervals(), polarity, options, rings=rings)
+    most_px = _arguments.bound_px("max_residual_px", max_residual_px)
+    if most_px is not None:
+        found = _without_rough(found, most_px)
+    return Inspection(
+        (int(channels.shape[1]), int(channels.shape[0])), found, suggested_intervals(found.contours), pixels.remark
+    )
+
+
+def _without_rough(found: DetectionResult, most_px: float) -> DetectionResult:
+    """Return what was found, with the contours whose edges are farther than `most_px` from an ellipse rejected."""
+    rough = [contour for contour in found.contours if contour.residual_px > most_px]
+    if not rough:
+        return found
+    return replace(
+        found,
+        contours=tuple(contour for contour in found.contours if contour.residual_px <= most_px),
+        rejected=found.rejected + Counter({Rejection.RESIDUAL: len(rough)}),
+        refused=joined([Ellipse.batch([contour.ellipse for contour in rough]), found.refused]),
+        refused_why=(Rejection.RESIDUAL,) * len(rough) + found.refused_why,
+    )
+
+
+def _found_in_views(
+    channels: Image,
+    gray: Image,
+    intervals: AxisIntervals,
+    polarity: Polarity,
+    options: DetectionOptions,
+    *,
+    rings: bool,
+) -> DetectionResult:
+    """Return what is found in gray, and the contours of the color mixes that gray does not show as well."""
+    found = find_contours(gray, intervals, polarity, keep_concentric=rings, options=options)
+    mixes = color_mixes(channels)
+    if not mixes:
+        return found
+    views, noise, rejected = [list(found.contours)], [noise_of(gray)], found.rejected
+    for mix in mixes:
+        levels = without_gaps(mix.levels(channels))
+        others = find_contours(levels, intervals, "any", keep_concentric=rings, options=options)
+        is_other = of_other_polarity([contour.ellipse for contour in others.contours], gray, polarity)
+        kept = [contour for contour, other in zip(others.contours, is_other, strict=True) if not other]
+        partial = len(kept) - sum(seen_well(contour) for contour in kept)
+        kept = [contour for contour in kept if seen_well(contour)]
+        views.append([replace(contour, color_mix=mix.by_name) for contour in kept])
+        noise.append(noise_of(levels))
+        rejected = (
+            rejected
+            + others.rejected
+            + Counter({Rejection.POLARITY: sum(is_other), Rejection.TOO_LITTLE_RIM: partial})
+        )
+    chosen, again = ranked(views, noise, are_rings=rings)
+    rejected = rejected + Counter({Rejection.DUPLICATE: again})
+    return replace(found, contours=tuple(views[view][i] for view, i in chosen), rejected=rejected)
 
 
 def suggested_intervals(contours: tuple[Contour, ...]) -> AxisIntervals | None:

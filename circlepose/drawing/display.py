@@ -20,7 +20,7 @@ _SMALL_PX = 48.0
 _DARK = 128.0
 """Levels; an image is dark whose brightest hundredth around the circles is below this; empirical."""
 _PALE = 32.0
-"""Levels; an image is pale whose levels spread less; as where `eight_bit` stretches it."""
+"""Levels; an image is pale whose levels spread less; as where `imaging.stretch` stretches it."""
 _BRIGHT = 210.0
 _MOST_GAIN = 20.0
 _SAMPLES = 200_000

@@ -285,3 +285,7 @@ def signed_distance(ellipse: Ellipse, points: FloatArray) -> FloatArray:
     distance = np.hypot(p - a**2 * p / (t + focal2), q - b**2 * q / t)
     inside = (p / a) ** 2 + (q / b) ** 2 < 1.0
     return np.where(inside, -distance, distance)
+
+
+NO_ELLIPSES = Ellipse(np.empty((0, 2)), np.empty(0), np.empty(0), np.empty(0))
+"""A batch without any."""

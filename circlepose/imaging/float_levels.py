@@ -10,7 +10,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from circlepose._typing import FloatArray, Image
+from circlepose._typing import BoolArray, FloatArray, Image
 from circlepose.errors import ArgumentError
 
 _SAMPLES = 1 << 16
@@ -58,13 +58,16 @@ def without_gaps(grey: Image) -> Image:
     if grey.dtype.kind != "f":
         return grey
     gaps = np.isnan(grey)
-    if not gaps.any():
-        return grey
+    return filled(grey, gaps) if gaps.any() else grey
+
+
+def filled(image: Image, gaps: BoolArray) -> Image:
+    """Return `image` (h, w, ...) with the levels of the nearest other pixel in the pixels `gaps` (h, w)."""
     _, nearest = cv2.distanceTransformWithLabels(
         gaps.view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL
     )
-    levels = np.zeros(int(nearest.max()) + 1, grey.dtype)
-    levels[nearest[~gaps]] = grey[~gaps]
+    levels = np.zeros((int(nearest.max()) + 1, *image.shape[2:]), image.dtype)
+    levels[nearest[~gaps]] = image[~gaps]
     return levels[nearest]
 
 

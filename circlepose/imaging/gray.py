@@ -8,11 +8,11 @@ import numpy as np
 from circlepose._arguments import shown
 from circlepose._typing import Image
 from circlepose.errors import ArgumentError
-from circlepose.imaging.float_levels import in_steps, without_gaps
+from circlepose.imaging.float_levels import filled, in_steps
 
-_LOW_RANGE = 32
-"""Levels; an 8 bit image that spans fewer is stretched before its edges are sought; empirical."""
 _FLOATS = (np.float16, np.float32, np.float64)
+GRAY_WEIGHTS = (0.114, 0.587, 0.299)
+"""Of blue, green and red in the gray image, as OpenCV has them."""
 
 
 def to_grey(image: Image) -> Image:
@@ -21,12 +21,43 @@ def to_grey(image: Image) -> Image:
     Parameters
     ----------
     image
-        (h, w), (h, w, 3) BGR or (h, w, 4) BGRA of uint8, uint16, floating levels or booleans.
+        As of `to_channels`.
 
     Returns
     -------
-    (h, w) uint8, uint16 or float32. Color is weighted as OpenCV does; an alpha channel is dropped. Booleans become 0
-    and 255. Floating levels are in steps of their own, see `float_levels`; NaN where a pixel is not finite.
+    (h, w) uint8, uint16 or float32. Color is weighted as OpenCV does; an alpha channel is dropped.
+
+    Raises
+    ------
+    ArgumentError
+        As `to_channels`.
+    """
+    return gray_of(to_channels(image))
+
+
+def gray_of(channels: Image) -> Image:
+    """Return the gray levels (h, w) of what `to_channels` returns, in its depth."""
+    if channels.ndim == 2:
+        return channels
+    if channels.shape[2] == 2:
+        return np.ascontiguousarray(channels[:, :, 0])
+    return cv2.cvtColor(channels, cv2.COLOR_BGR2GRAY if channels.shape[2] == 3 else cv2.COLOR_BGRA2GRAY)
+
+
+def to_channels(image: Image) -> Image:
+    """Return the channels of an image, of its own depth.
+
+    Parameters
+    ----------
+    image
+        (h, w), (h, w, 3) BGR, (h, w, 4) BGRA or (h, w, 2) gray and alpha, of uint8, uint16, floating levels or
+        booleans.
+
+    Returns
+    -------
+    (h, w) or (h, w, c) uint8, uint16 or float32. Booleans become 0 and 255. Floating levels are in steps of their
+    own, see `float_levels`; NaN where a pixel is not finite. Where alpha is 0 in a part of the image the colors mean
+    nothing: they are those of the nearest pixel that is not fully transparent.
 
     Raises
     ------
@@ -47,35 +78,19 @@ def to_grey(image: Image) -> Image:
         raise ArgumentError(
             f"image: expected 8 or 16 bit levels without sign (uint8, uint16) or floating ones, got {array.dtype}."
         )
-    if array.ndim == 3 and array.shape[2] == 2:
-        array = np.ascontiguousarray(array[:, :, 0])
+    if array.ndim == 2 or array.shape[2] == 3:
+        return in_steps(array) if array.dtype.kind == "f" else array
+    alpha = np.ascontiguousarray(array[:, :, -1])
+    visible = np.count_nonzero(alpha)
     if array.dtype.kind == "f":
-        array = in_steps(array)
-    if array.ndim == 2:
-        return array
-    return cv2.cvtColor(array, cv2.COLOR_BGR2GRAY if array.shape[2] == 3 else cv2.COLOR_BGRA2GRAY)
-
-
-def eight_bit(grey: Image) -> Image:
-    """Return `grey` (h, w) as uint8; its range is stretched where it has more than 8 bits, or uses few of them."""
-    is_narrow = has_low_range(grey)
-    if grey.dtype == np.uint8 and not is_narrow:
-        return grey
-    levels = without_gaps(grey)
-    low, high = float(levels.min()), float(levels.max())
-    if not high > low:
-        return np.zeros(grey.shape, np.uint8)
-    return cv2.convertScaleAbs(
-        levels.astype(np.float32), alpha=255.0 / (high - low), beta=-255.0 * low / (high - low)
-    )
-
-
-def has_low_range(grey: Image) -> bool:
-    """Return whether `grey` (h, w) has 8 bits and uses few of them, so that rounding between pixels matters."""
-    if grey.dtype != np.uint8:
-        return False
-    low, high, _, _ = cv2.minMaxLoc(grey)
-    return bool(high - low < _LOW_RANGE)
+        # Alpha has steps of its own.
+        colors = in_steps(array)[:, :, :3] if array.shape[2] == 4 else in_steps(array[:, :, :1])
+        own = in_steps(alpha) if np.isfinite(alpha).any() else np.zeros(alpha.shape, np.float32)
+        array = np.dstack([colors, own])
+    if 0 < visible < alpha.size:
+        array = array.copy()
+        array[:, :, :-1] = filled(array[:, :, :-1], alpha == 0)
+    return array
 
 
 def _array(image: object) -> Image:

@@ -2,32 +2,36 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import cv2
 import numpy as np
 
 from circlepose._typing import FloatArray, Image
+from circlepose.geometry.ellipse import Ellipse
+from circlepose.imaging.noise import noise_of
 
-_COARSEST_PIXELS = 60_000.0
+_COARSEST_PIXELS = 15_000.0
 """About how many pixels the coarsest image has: large circles are found in it at hardly any cost; cost."""
 _SMALLEST_SIDE_PX = 64
 """px; shorter side from which an image is halved at least once; empirical."""
 
 
-def pyramid(grey8: Image) -> list[Image]:
+def pyramid(levels: Image) -> list[Image]:
     """Return an image and its successive halvings by averaging.
 
     Parameters
     ----------
-    grey8
-        (h, w) uint8.
+    levels
+        (h, w) uint8 or float32.
 
     Returns
     -------
-    Images from full size down to some 60 000 pixels, each half as wide and high as the one before.
+    Images from full size down to some 15 000 pixels, each half as wide and high as the one before.
     """
-    levels = max(0, round(np.log2(max(grey8.size, 1.0) / _COARSEST_PIXELS) / 2.0))
-    images = [grey8]
-    for _ in range(max(levels, int(min(grey8.shape) >= _SMALLEST_SIDE_PX))):
+    halvings = max(0, round(np.log2(max(levels.size, 1.0) / _COARSEST_PIXELS) / 2.0))
+    images = [levels]
+    for _ in range(max(halvings, int(min(levels.shape) >= _SMALLEST_SIDE_PX))):
         images.append(cv2.resize(images[-1], None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA))
     return images
 
@@ -40,3 +44,51 @@ def to_full_size(points: FloatArray, scale: float) -> FloatArray:
 def to_reduced(points: FloatArray, scale: float) -> FloatArray:
     """Return positions (..., 2) px of the full image in the one reduced by `scale`."""
     return (points + 0.5) / scale - 0.5
+
+
+class Reduced:
+    """An image of any depth at halved sizes, each made when it is asked for, with its noise.
+
+    Averaging four pixels halves white noise, and the blur in px, so what drowns in the full image stands out here.
+    """
+
+    def __init__(self, levels: Image, scale: int = 1) -> None:
+        self.levels = levels
+        """(h, w); float32 where the image is reduced"""
+        self.scale = scale
+        """px of the full image in one px of this"""
+
+    def ellipse(self, full: Ellipse) -> Ellipse:
+        """Return ellipses of the full image in this one."""
+        if self.scale == 1:
+            return full
+        return Ellipse(
+            to_reduced(full.center, self.scale),
+            full.semi_major / self.scale,
+            full.semi_minor / self.scale,
+            full.angle,
+        )
+
+    def full(self, own: Ellipse) -> Ellipse:
+        """Return ellipses of this image in the full one."""
+        if self.scale == 1:
+            return own
+        scale = self.scale
+        return Ellipse(to_full_size(own.center, scale), own.semi_major * scale, own.semi_minor * scale, own.angle)
+
+    @cached_property
+    def noise(self) -> float:
+        """About the standard deviation of the noise, levels."""
+        return noise_of(self.levels)
+
+    @cached_property
+    def half(self) -> Reduced:
+        """The same image, half as wide and high."""
+        height, width = (side // 2 for side in self.levels.shape)
+        # Without the last of an odd number of rows and columns, so that the scale is exact.
+        levels = np.ascontiguousarray(self.levels[: 2 * height, : 2 * width], dtype=np.float32)
+        return Reduced(cv2.resize(levels, (width, height), interpolation=cv2.INTER_AREA), 2 * self.scale)
+
+    def reduced_to(self, scale: int) -> Reduced:
+        """Return the same image at the scale `scale`, a power of two times this one's."""
+        return self if self.scale >= scale else self.half.reduced_to(scale)

@@ -8,20 +8,34 @@ import numpy as np
 
 from circlepose._typing import BoolArray, FloatArray, Image
 from circlepose.camera.camera import Camera
+from circlepose.detection.contour import Rejection
 from circlepose.fitting.cone_fit import ConeFit
 from circlepose.fitting.cone_projection import image_ellipses, residuals_px
 from circlepose.geometry.ellipse import Ellipse, rim_distance
+from circlepose.imaging.noise import noise_of
 from circlepose.measurement.options import MeasurementOptions
-from circlepose.measurement.rim import EdgeRim, FittedRim, Rim
+from circlepose.measurement.rim import EdgeRim, FittedRim, Rim, blur_px
 from circlepose.photometry.levels_fit import LevelsFit
 from circlepose.results import Failure, Status
 
+WITHOUT_EDGE = "the blur is too wide for the rim"
+"""Why a fit is rejected that finds a blob without an edge."""
+NOT_CONVERGED = "the fit does not converge"
+DROWNED = "the residuals are too large for the contrast"
+"""Why a fit is rejected that explains less than the scatter that it leaves."""
 _SAMPLES = 48
 """Points around a rim at which its distance from the edges is measured."""
-_NOISE_ROWS, _NOISE_COLUMNS = 64, 128
-"""Rows and columns of the image from which its noise is estimated."""
-_LEAST_NOISE = 0.5
-"""Gray levels; about the rounding to whole levels."""
+
+
+def why_no_disc(rim: Rim, options: MeasurementOptions) -> Rejection | None:
+    """Return why a rim is not a circle's after all, now that its levels were fitted; None where it may be one."""
+    if rim.cone.rms_px > options.most_residual_px:
+        return Rejection.RESIDUAL
+    if isinstance(rim, EdgeRim) and rim.level_fit is not None:
+        reason, is_small = rim.level_fit.reason, float(rim.ellipse.semi_minor) < options.detection.chance_px
+        if reason == WITHOUT_EDGE or (is_small and reason == DROWNED):
+            return Rejection.WITHOUT_EDGE
+    return None
 
 
 def accepted(
@@ -60,11 +74,15 @@ def accepted(
     hidden = np.array([_is_hidden(rims[k], float(fit.rim_used[k]), options) for k in kept])
     before = Ellipse.batch([rims[k].ellipse for k in kept])
     moved = np.max(np.abs(rim_distance(before, ellipses.points(_SAMPLES))), axis=1)
-    is_near = moved <= np.where(hidden, options.farthest_hidden_px, options.farthest_px)
+    # In a reduced image edges are located as coarsely as they are blurred.
+    blurred = np.array([blur_px(rims[k]) for k in kept])
+    is_near = moved <= np.where(hidden, options.farthest_hidden_px, np.maximum(options.farthest_px, blurred))
     residuals = residuals_px(camera, factors, ellipses, [rims[k].points for k in kept])
     for j, k in enumerate(kept):
         if not found[j]:
             done[k] = Failure(Status.NO_POSE, "the fitted rim lies outside the valid field of the lens model")
+        elif float(ellipses[j].semi_minor) < options.least_settled_sigmas * np.exp(fit.blur[k, 0]):
+            done[k] = Failure(Status.NO_POSE, WITHOUT_EDGE)
         elif not is_near[j]:
             done[k] = Failure(Status.NO_POSE, "the fitted rim is too far from the edges")
         else:
@@ -94,6 +112,18 @@ def _fitted_rim(rim: Rim, fit: LevelsFit, number: int, ellipse: Ellipse, residua
     )
 
 
+def _are_without_edge(
+    rims: Sequence[Rim], minor: FloatArray, fit: LevelsFit, options: MeasurementOptions
+) -> BoolArray:
+    """Return (m,) which fits do not tell the width `minor` (m,), px, of a rim from its blur."""
+    is_settled = np.sqrt(np.maximum(fit.covariance[:, 0, 0], 0.0)) < options.worst_growth_share
+    # What is a few px wide, and as blurred, is round whatever its shape.
+    is_settled &= np.array([blur_px(rim) > 0.0 for rim in rims])
+    blur = np.exp(fit.blur[:, 0])
+    # In focus a dot of a few px is as blurred, and a dot it is.
+    return (minor < options.least_width_sigmas * blur) & (blur > options.focused_px) & ~is_settled
+
+
 def _is_hidden(rim: Rim, used_again: float, options: MeasurementOptions) -> bool:
     """Whether a part of a rim is hidden. A thin rim leaves out what is only shaded, too."""
     hidden = options.visible_rim_share
@@ -110,25 +140,18 @@ def _reasons(
     # Where the model does not explain the levels of a tiny disc, the fit is no better than its edges.
     is_tiny = minor < np.where(is_alone, options.tiny_px, options.tiny_crowded_px)
     is_unexplained = is_tiny | (noise_share > options.textured_noise_share)
-    if is_unexplained.any():
-        is_unexplained &= fit.noise_levels > options.unexplained_noise_ratio * noise_of(gray)
+    is_drowned = ~(noise_share < options.worst_noise_share)
+    if is_unexplained.any() or is_drowned.any():
+        over_noise = fit.noise_levels / noise_of(gray)
+        is_unexplained &= over_noise > options.unexplained_noise_ratio
+        # Pure noise, however large, is what the covariance states.
+        is_drowned &= ~((over_noise < options.explained_noise_ratio) & (noise_share < options.worst_explained_share))
     uses_enough = (fit.rim_used > options.least_rim_share) & (fit.rim_used >= options.least_kept_share * before)
     rejections = {
-        "the fit does not converge": ~fit.converged,
-        "the residuals are too large for the contrast": ~(noise_share < options.worst_noise_share),
+        NOT_CONVERGED: ~fit.converged,
+        WITHOUT_EDGE: _are_without_edge(rims, minor, fit, options),
+        DROWNED: is_drowned,
         "the residuals are too large for the noise of the image": is_unexplained,
-        "the blur is too wide for the rim": minor < options.least_width_sigmas * np.exp(fit.blur[:, 0]),
         "too little of the rim is in use": ~uses_enough,
     }
     return [next((reason for reason, marked in rejections.items() if marked[k]), "") for k in range(len(rims))]
-
-
-def noise_of(gray: Image) -> float:
-    """Return about the standard deviation of the noise of `gray` (h, w), levels, from neighbors in sampled rows."""
-    height, width = gray.shape
-    if width < 3:
-        return _LEAST_NOISE
-    down, across = max(1, height // _NOISE_ROWS), max(1, width // _NOISE_COLUMNS)
-    left, middle, right = (gray[::down, i : width - 2 + i : across].astype(np.float32) for i in range(3))
-    bends = middle - (left + right) / 2.0
-    return max(1.4826 * float(np.nanmedian(np.abs(bends))) / np.sqrt(1.5), _LEAST_NOISE)

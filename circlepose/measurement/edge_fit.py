@@ -76,7 +76,8 @@ def fit_rims(
         may = [
             i
             for i, each in enumerate(contours)
-            if each.rim_used > options.whole_rim_share and not are_thin(each.ellipse, options=options.photometry)
+            if (each.rim_used > options.whole_rim_share or each.blur_px > 0.0)
+            and not are_thin(each.ellipse, options=options.photometry)
         ]
         starts = dict(zip(may, _rims_of_contours(camera, [contours[i] for i in may], options), strict=True))
     for i, contour in enumerate(contours):
@@ -100,7 +101,7 @@ def _fit_rim(
         # Edges contain little about the tips of a thin rim, and where a part is hidden the tips give the length.
         if not isinstance(thin, Failure) or (is_thin and contour.rim_used < options.hidden_rim_share):
             return thin
-    if start is not None and start.cone.rms_px < options.smooth_px:
+    if start is not None and (start.cone.rms_px < options.smooth_px or contour.blur_px > 0.0):
         return start
     fit = fit_cone(camera, contour.points)
     if fit is None:
@@ -109,7 +110,8 @@ def _fit_rim(
     if isinstance(rim, Failure):
         return rim
     rim = replace(rim, contour=contour)
-    if not refine or (start is not None and fit.rms_px < options.smooth_px):
+    # Noise or blur hides edges in the full image that were located in a reduced one.
+    if not refine or contour.blur_px > 0.0 or (start is not None and fit.rms_px < options.smooth_px):
         return rim
     located = with_edges_located(levels, camera, rim, options=options)
     if isinstance(located, EdgeRim) and (is_thin or is_sharp) and not edges_determine_length(located, options):
@@ -157,7 +159,7 @@ def with_edges_located(
         scatter = max(local_scatter(fit.edges.pixels), options.least_outlier_px / options.agreeing_sigmas)
         is_smooth = fit.cone.rms_px < max(options.smooth_ratio * scatter, options.smooth_px)
         is_whole = len(fit.edges) > options.whole_rim_share * samples
-        if (is_whole and is_smooth) or samples < options.least_samples_for_parts:
+        if (is_whole and is_smooth) or samples < options.least_samples_for_parts or _is_rough(rim, options):
             break
         # Something hides part of the rim.
         fit = _fit_to_agreeing(edges, samples, scatter, fit, options)
@@ -169,6 +171,12 @@ def with_edges_located(
     if isinstance(again, Failure):
         return again
     return replace(again, contour=rim.contour, is_located_anew=True)
+
+
+def _is_rough(rim: Rim, options: MeasurementOptions) -> bool:
+    """Whether the edges of a rim that is seen whole stray by themselves: then all count, not those that agree."""
+    contour, whole = rim.contour, options.detection.whole_rim
+    return contour is not None and contour.ragged > options.least_ragged and contour.rim_used >= whole
 
 
 def _locate_edges(

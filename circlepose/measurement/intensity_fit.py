@@ -10,11 +10,13 @@ import numpy as np
 from circlepose._batching import rows
 from circlepose._typing import FloatArray, Image
 from circlepose.camera.camera import Camera
+from circlepose.fitting.edge_covariance import edge_covariance
+from circlepose.fitting.observations import Observations
 from circlepose.imaging.float_levels import without_gaps
 from circlepose.measurement.acceptance import accepted
 from circlepose.measurement.edge_fit import with_edges_located
 from circlepose.measurement.options import DEFAULT, MeasurementOptions
-from circlepose.measurement.rim import EdgeRim, FittedRim, Rim
+from circlepose.measurement.rim import EdgeRim, FittedRim, Rim, blur_px
 from circlepose.photometry.binary_mask import with_mask_scaled
 from circlepose.photometry.fit import fit_to_levels
 from circlepose.photometry.initialization import (
@@ -67,6 +69,8 @@ def fit_levels(
     camera: Camera,
     rims: Sequence[Rim],
     *,
+    whole: Image | None = None,
+    full_scale: int | None = None,
     keep_fits: bool = False,
     options: MeasurementOptions = DEFAULT,
 ) -> LevelFits:
@@ -80,6 +84,10 @@ def fit_levels(
         The calibration for this image size.
     rims
         The rims at which the fits begin.
+    whole
+        (h, w) the levels without gaps; by default those of the nearest pixels fill these.
+    full_scale
+        The highest level that the image can have, where `gray` is of a wider type.
     keep_fits
         Whether to return the fits with their pixels, some 100 kB a rim.
     options
@@ -90,20 +98,29 @@ def fit_levels(
     The rims in the same order. A rim whose fit is rejected is that of its edges, with the reason.
     """
     photometry = options.photometry
-    whole = without_gaps(gray)
-    gray = with_mask_scaled(gray, [rim.ellipse for rim in rims], options=photometry)
-    limits = level_limits(gray, options=photometry)
+    if whole is None:
+        whole = without_gaps(gray)
+    scaled = with_mask_scaled(gray, [rim.ellipse for rim in rims], options=photometry)
+    limits = level_limits(scaled, None if scaled is not gray else full_scale, options=photometry)
+    gray = scaled
     done: list[FittedRim | Failure | None] = [None] * len(rims)
     kept: list[LevelFit | None] = [None] * len(rims)
     chosen = [i for i, rim in enumerate(rims) if isinstance(rim, EdgeRim) or _has_two_sides(rim, options)]
     are_many = len(chosen) >= options.least_rims_for_blur
-    half_width = np.full(len(rims), photometry.band_half_width_px)
-    blur = start_blur(len(rims), options=photometry)
+    blur = start_blur(_blurs(rims), options=photometry)
+    half_width = np.maximum(
+        photometry.band_half_width_px, photometry.band_half_width_sigmas * np.exp(blur[:, 0]) * (_blurs(rims) > 0.0)
+    )
+    curved = [
+        is_curved(rim.ellipse, float(width), options=photometry)
+        for rim, width in zip(rims, _blurs(rims), strict=True)
+    ]
     variance = np.full((len(rims), 3), np.inf)
     contrast = np.zeros(len(rims))
     is_small = np.array([float(rim.ellipse.semi_minor) < options.small_px for rim in rims])
     ellipses = [rim.ellipse for rim in rims]
-    for again in (False, True):
+    for turn in range(3 if np.any(_blurs(rims) > 0.0) else 2):
+        again = turn > 0
         sigma = np.exp(blur[:, 0])
         is_blurred = photometry.band_half_width_sigmas * sigma > 1.1 * half_width
         is_crowded = bands_that_meet(
@@ -114,14 +131,17 @@ def fit_levels(
             prior = _shared_blur(blur, variance, options)
         is_unequal = are_many and prior.mean[:, 1:].any()
         order = [i for i in chosen if not again or is_blurred[i] or is_crowded[i] or (is_small[i] and is_unequal)]
+        if turn == 2:
+            # A wide blur is far from where the first fit starts.
+            order = [i for i in chosen if _blurs(rims)[i] > 0.0]
         if not order:
             break
-        order.sort(key=lambda i: (is_curved(rims[i].ellipse, options=photometry), _perimeter(rims[i])))
+        order.sort(key=lambda i: (curved[i], _perimeter(rims[i])))
         if again:
             half_width = np.where(is_blurred, photometry.band_half_width_sigmas * sigma, half_width)
         neighbors = (ellipses, sigma, contrast.copy())
         latest = _current(rims, done)
-        for chunk in _chunks(order, rims, half_width, options):
+        for chunk in _chunks(order, rims, curved, half_width, options):
             which = np.array(chunk)
             around = [latest[i].ellipse for i in chunk]
             bands = bands_around(gray, camera, around, half_width[which])
@@ -135,7 +155,7 @@ def fit_levels(
                 limits,
                 neighbors=beside,
                 outer=outer_samples(gray, camera, around, half_width[which], limits, options=photometry),
-                is_curved=is_curved(rims[chunk[0]].ellipse, options=photometry),
+                is_curved=curved[chunk[0]],
                 options=photometry,
             )
             found = accepted(gray, camera, [rims[i] for i in chunk], fit, ~is_crowded[which], options)
@@ -143,7 +163,7 @@ def fit_levels(
                 done[i] = found[k]
                 if keep_fits:
                     kept[i] = LevelFit(
-                        is_curved(rims[i].ellipse, options=photometry),
+                        curved[i],
                         float(half_width[i]),
                         *_without_padding(k, bands, fit, beside),
                         limits,
@@ -155,6 +175,11 @@ def fit_levels(
     return LevelFits(
         [_after_fit(whole, camera, rim, fitted, options) for rim, fitted in zip(rims, done, strict=True)], kept
     )
+
+
+def _blurs(rims: Sequence[Rim]) -> FloatArray:
+    """Return (m,) the blurs, px, with which the contours were found; 0 where these are not known."""
+    return np.array([blur_px(rim) for rim in rims])
 
 
 def _current(rims: Sequence[Rim], done: Sequence[FittedRim | Failure | None]) -> list[Rim]:
@@ -170,8 +195,14 @@ def _after_fit(
         return fitted
     if fitted is None or isinstance(rim, FittedRim):
         return rim
-    located = rim if rim.is_located_anew else with_edges_located(levels, camera, rim, options=options)
-    return replace(rim if isinstance(located, Failure) else located, level_fit=fitted)
+    is_settled = rim.is_located_anew or blur_px(rim) > 0.0
+    located = rim if is_settled else with_edges_located(levels, camera, rim, options=options)
+    edges = rim if isinstance(located, Failure) else located
+    covariance = None
+    if rim.contour is not None and rim.contour.ragged > options.least_ragged:
+        seen = Observations.of(camera, edges.points)
+        covariance = edge_covariance(edges.cone.factor, seen.rays, seen.jacobians)
+    return replace(edges, level_fit=fitted, modes_covariance=covariance)
 
 
 def _without_padding(
@@ -195,17 +226,17 @@ def _perimeter(rim: Rim) -> float:
 
 
 def _chunks(
-    order: Sequence[int], rims: Sequence[Rim], half_width: FloatArray, options: MeasurementOptions
+    order: Sequence[int],
+    rims: Sequence[Rim],
+    curved: Sequence[bool],
+    half_width: FloatArray,
+    options: MeasurementOptions,
 ) -> Iterator[list[int]]:
     """Yield the rims of `order` in parts that are fitted at once: of one kind, and not too many pixels."""
     chunk: list[int] = []
     for i in order:
         longest = 2.2 * half_width[i] * _perimeter(rims[i])
-        if chunk and (
-            (len(chunk) + 1) * longest > options.most_pixels
-            or is_curved(rims[i].ellipse, options=options.photometry)
-            != is_curved(rims[chunk[0]].ellipse, options=options.photometry)
-        ):
+        if chunk and ((len(chunk) + 1) * longest > options.most_pixels or curved[i] != curved[chunk[0]]):
             yield chunk
             chunk = []
         chunk.append(i)

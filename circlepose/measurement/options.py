@@ -7,7 +7,9 @@ derivation is recorded.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import math
+from dataclasses import dataclass, field, replace
+from typing import Self
 
 from circlepose.detection.options import DetectionOptions
 from circlepose.photometry.options import PhotometryOptions
@@ -89,7 +91,12 @@ class MeasurementOptions:
 
     # Whether such a fit is accepted.
     worst_noise_share: float = 0.3
-    """standard deviation of the residuals over the contrast, up to which a fit is accepted; empirical"""
+    """standard deviation of the residuals over the contrast, up to which a fit is accepted, whatever they are;
+    empirical"""
+    explained_noise_ratio: float = 1.3
+    """residuals over the noise of the image, up to which they are noise; empirical"""
+    worst_explained_share: float = 1.0
+    """the same as `worst_noise_share` where the residuals are noise; empirical"""
     unexplained_noise_ratio: float = 3.0
     """residuals over the noise of the image, above which the model does not explain a tiny disc; empirical"""
     tiny_px: float = 7.0
@@ -98,8 +105,14 @@ class MeasurementOptions:
     """px; the same where neighbors enter the band, whose light is known only in part; empirical"""
     textured_noise_share: float = 0.12
     """residuals over the contrast, above which a disc of any size needs `unexplained_noise_ratio`; empirical"""
-    least_width_sigmas: float = 2.5
-    """blurs; semi-minor axis below which width and blur cannot be distinguished; empirical"""
+    focused_px: float = 1.2
+    """px; blur up to which an image is in focus; empirical"""
+    least_width_sigmas: float = 2.8
+    """blurs; semi-minor axis below which width and blur are alike, unless the levels settle both; empirical"""
+    least_settled_sigmas: float = 1.5
+    """blurs; the same below which they are alike in any case: there a disc is a Gaussian; numerical"""
+    worst_growth_share: float = 0.05
+    """standard deviation of the width over it, up to which the levels settle both; empirical"""
     least_rim_share: float = 0.2
     """share of the rim that a fit must use; empirical"""
     least_kept_share: float = 0.75
@@ -110,6 +123,23 @@ class MeasurementOptions:
     """px; distance that a fit may move a rim from its edges; empirical"""
     farthest_hidden_px: float = 0.05
     """px; the same where a part of the rim is hidden; empirical"""
+
+    least_ragged: float = 0.5
+    """scatter of the edges over the largest of a smooth rim, from which their residuals give a covariance where the
+    levels do not; empirical"""
+    # Circles that several views show: gray and color mixes.
+    gray_preference: float = 2.0
+    """factor on the contrast over noise in gray; colors are displaced against each other by lens and compression;
+    empirical"""
+    least_mix_score: float = 0.5
+    """score of a contour in a color mix from which it counts without a fit to the levels; empirical: few leaves in
+    rendered foliage reach it, discs do"""
+    same_rim_share: float = 0.5
+    """share of a rim that runs along another from which both are one edge; empirical"""
+    same_overlap_share: float = 0.5
+    """distance of the centers over the smaller semi-minor axis up to which two views show one thing; empirical"""
+    same_size_ratio: float = 0.7
+    """size ratio from which they do; empirical"""
 
     # Degenerate cones and flags.
     settle_sigmas: float = 3.0
@@ -122,6 +152,8 @@ class MeasurementOptions:
     """px; semi-minor axis below which noise may be all the width, flag `near_degenerate`; empirical"""
     poor_fit_px: float = 0.35
     """px; rms distance of the edges above which the flag `poor_fit` is set; empirical"""
+    most_residual_px: float = math.inf
+    """px; rms distance of the edges above which a rim is not used; the caller's"""
 
     # A contour that the caller extracted.
     border_px: float = 1.0
@@ -130,6 +162,12 @@ class MeasurementOptions:
     """share of a contour that may lie on the border; empirical"""
     least_start_px: float = 0.5
     """px; semi-minor axis, at least, from which a fit to the gray levels along a contour starts; empirical"""
+
+    def with_bounds(self, min_score: float | None, max_residual_px: float | None) -> Self:
+        """Return the numbers with the bounds that a caller sets on what counts as round; None leaves one."""
+        most_residual_px = self.most_residual_px if max_residual_px is None else max_residual_px
+        detection = self.detection.with_least_score(min_score)
+        return replace(self, detection=detection, most_residual_px=most_residual_px)
 
     @property
     def photometry(self) -> PhotometryOptions:

@@ -146,6 +146,16 @@ def rim_flags(rim: Rim, frame: PrincipalFrame, options: MeasurementOptions = DEF
     return tuple(flag for flag in Flag if is_set.get(flag, False))
 
 
+def with_doubt(results: Sequence[CircleResult], usual_score: float) -> list[CircleResult]:
+    """Flag the results whose contour has a score below the usual least one."""
+    return [
+        replace(each, flags=tuple(flag for flag in Flag if flag in {*each.flags, Flag.DOUBTFUL}))
+        if each.score is not None and each.score < usual_score
+        else each
+        for each in results
+    ]
+
+
 def settled_frames(
     rims: Sequence[Rim], frames: PrincipalFrame, options: MeasurementOptions = DEFAULT
 ) -> PrincipalFrame:
@@ -235,13 +245,20 @@ def compared(candidate: Candidate, reference: Sequence[Candidate]) -> Candidate:
     )
 
 
+def _is_poor(rim: Rim, options: MeasurementOptions) -> bool:
+    """Whether the edges of a rim depart from its ellipse by more than noise explains."""
+    if rim.contour is None:
+        return rim.cone.rms_px > options.poor_fit_px
+    return rim.contour.ragged > 1.0 or rim.cone.rms_px > np.hypot(options.poor_fit_px, rim.contour.noise_px)
+
+
 def _flags(rim: Rim, axis_ratio: float, options: MeasurementOptions) -> dict[Flag, bool]:
     """Return which flags a rim has by itself, whatever the method that solves it."""
     apart_px = float(rim.ellipse.semi_major) * (1.0 - axis_ratio)
     return {
         Flag.NEAR_RIGHT: apart_px < options.near_right_sigmas * rim.axis_error_px,
         Flag.NEAR_DEGENERATE: float(rim.ellipse.semi_minor) < options.sliver_px,
-        Flag.POOR_FIT: rim.cone.rms_px > options.poor_fit_px,
+        Flag.POOR_FIT: _is_poor(rim, options),
         Flag.PARTIAL_RIM: rim.rim_used < options.visible_rim_share,
         Flag.EDGES_ONLY: isinstance(rim, EdgeRim) and rim.level_fit is not None,
     }

@@ -46,7 +46,7 @@ class _MeasuredRim:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EdgeRim(_MeasuredRim):
-    """A rim located by edge points. Their errors are correlated along the rim, so it has no covariance."""
+    """A rim located by edge points, whose errors are correlated along it: only a rough one has a covariance."""
 
     is_located_anew: bool = field(default=False, kw_only=True)
     """whether the edges were located along the predicted rim; else they are the contour's own"""
@@ -54,6 +54,8 @@ class EdgeRim(_MeasuredRim):
     """whether a caller gave the points; else they were found in an image"""
     level_fit: Failure | None = field(default=None, kw_only=True)
     """why the fit to the gray levels was rejected; None where there was no such fit"""
+    modes_covariance: FloatArray | None = field(default=None, kw_only=True)
+    """(5, 5) of the modes of `cone.factor`, from the residuals, where these are the rim's own shape"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,9 +71,14 @@ class FittedRim(_MeasuredRim):
 Rim = EdgeRim | FittedRim
 
 
+def blur_px(rim: Rim) -> float:
+    """Return about the blur of a rim whose contour was found in a reduced image; 0 of any other."""
+    return 0.0 if rim.contour is None else rim.contour.blur_px
+
+
 def modes_covariance(rim: Rim) -> FloatArray | None:
     """Return the covariance (5, 5) of the modes of a rim's cone, where it is known."""
-    return rim.modes_covariance if isinstance(rim, FittedRim) else None
+    return rim.modes_covariance
 
 
 def rim_from_fit(

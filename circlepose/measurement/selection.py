@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 from circlepose._typing import Image
 from circlepose.camera.camera import Camera
 from circlepose.detection.contour import Contour, Rejection
 from circlepose.detection.detect import find_contours
 from circlepose.measurement.edge_fit import fit_rims
+from circlepose.measurement.nested_rims import MeasuredRim, chosen, listed
 from circlepose.measurement.options import DEFAULT, MeasurementOptions
 from circlepose.measurement.rim import Rim
-from circlepose.results import Failure
+from circlepose.results import Failure, NestedRim
 from circlepose.solvers.registry import solve
 from circlepose.targets.target import AxisIntervals, Target
 
@@ -30,6 +32,8 @@ class MeasuredContours:
     """of the contours in use, in the same order"""
     rejected: Counter[Rejection]
     """how many contours were not used, by reason"""
+    nested: tuple[tuple[NestedRim, ...], ...] = ()
+    """of each rim of a lone circle, the concentric ones of which it was chosen; empty where it is alone"""
 
 
 def measure_lone_circles(
@@ -70,11 +74,11 @@ def measure_lone_circles(
         found = find_contours(
             levels, intervals, target.polarity, enough=enough, extraction=extraction, options=options.detection
         )
-        fits = fit_rims(levels, camera, found.contours, refine=refine, are_starts=are_starts, options=options)
-        rims, unused = _selected(fits, camera, target)
+        fit = partial(fit_rims, levels, camera, refine=refine, are_starts=are_starts, options=options)
+        rims, nested, unused = _selected(found.contours, fit, camera, target, options)
         beyond_count = len(found.contours) - len(rims) - unused.total()
         rejected = found.rejected + unused + Counter({Rejection.BEYOND_COUNT: beyond_count})
-        return MeasuredContours(found.contours, rims, rejected), found.is_complete
+        return MeasuredContours(found.contours, rims, rejected, nested), found.is_complete
 
     first, is_complete = measured(target.count)
     if is_complete or target.count is None or len(first.rims) == target.count:
@@ -96,27 +100,53 @@ def measure_rings(
         levels, intervals, "any", keep_concentric=True, extraction=extraction, options=options.detection
     )
     fits = list(fit_rims(levels, camera, found.contours, refine=refine, options=options))
-    rims = tuple(fit for fit in fits if not isinstance(fit, Failure))
-    rejected = found.rejected + Counter({Rejection.NO_POSE: len(fits) - len(rims)})
-    return MeasuredContours(found.contours, rims, rejected)
+    measured = [fit for fit in fits if not isinstance(fit, Failure)]
+    rims = tuple(rim for rim in measured if rim.cone.rms_px <= options.most_residual_px)
+    unused = {Rejection.NO_POSE: len(fits) - len(measured), Rejection.RESIDUAL: len(measured) - len(rims)}
+    return MeasuredContours(found.contours, rims, found.rejected + Counter(unused))
 
 
 def _selected(
-    fits: Iterable[Rim | Failure], camera: Camera, target: Target
-) -> tuple[tuple[Rim, ...], Counter[Rejection]]:
-    """Return the first rims that can be the target's, as many as it asks for, and why those before are not."""
+    contours: Sequence[Contour],
+    fit: Callable[[Sequence[Contour]], Iterator[Rim | Failure]],
+    camera: Camera,
+    target: Target,
+    options: MeasurementOptions,
+) -> tuple[tuple[Rim, ...], tuple[tuple[NestedRim, ...], ...], Counter[Rejection]]:
+    """Return the first rims that can be the target's, as many as it asks for, and why those before are not.
+
+    With each its concentric ones.
+    """
     rims: list[Rim] = []
+    nested: list[tuple[NestedRim, ...]] = []
     unused: list[Rejection] = []
-    for fit in fits:
-        if isinstance(fit, Failure):
-            unused.append(Rejection.NO_POSE)
-        elif not _in_depth_range(fit, camera, target):
-            unused.append(Rejection.DEPTH)
-        else:
-            rims.append(fit)
-            if len(rims) == target.count:
-                break
-    return tuple(rims), Counter(unused)
+
+    def judged(contour: Contour, fitted: Rim | Failure) -> MeasuredRim:
+        return MeasuredRim(contour, fitted, _why_not(fitted, camera, target, options))
+
+    for contour, fitted in zip(contours, fit(contours), strict=True):
+        outermost = judged(contour, fitted)
+        concentric = [outermost]
+        if contour.nested:
+            concentric += map(judged, contour.nested, fit(contour.nested))
+        taken = chosen(concentric)
+        if taken.why_not is not None or isinstance(taken.fit, Failure):
+            unused.append(taken.why_not or Rejection.NO_POSE)
+            continue
+        rims.append(taken.fit)
+        nested.append(listed(concentric, taken, camera, target.radii_mm[0]) if contour.nested else ())
+        if len(rims) == target.count:
+            break
+    return tuple(rims), tuple(nested), Counter(unused)
+
+
+def _why_not(fit: Rim | Failure, camera: Camera, target: Target, options: MeasurementOptions) -> Rejection | None:
+    """Return why a rim cannot be the target's; None where it can."""
+    if isinstance(fit, Failure):
+        return Rejection.NO_POSE
+    if fit.cone.rms_px > options.most_residual_px:
+        return Rejection.RESIDUAL
+    return None if _in_depth_range(fit, camera, target) else Rejection.DEPTH
 
 
 def _in_depth_range(rim: Rim, camera: Camera, target: Target) -> bool:

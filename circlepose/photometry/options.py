@@ -27,6 +27,8 @@ class PhotometryOptions:
     """blurs; half-width of the band, the larger of both counts; statistical"""
     curved_radius_px: float = 8.0
     """px; radius of curvature below which a rim needs the curved edge spread; empirical"""
+    curved_radius_sigmas: float = 10.0
+    """blurs; the same, where the blur is known to be wide: the straight one errs by the inverse square; numerical"""
 
     # Clipped floating levels.
     clipped_share: float = 0.001
@@ -98,7 +100,7 @@ class PhotometryOptions:
     """standard deviation of the prior of the blur's anisotropy; empirical"""
     least_sigma_px: float = 0.25
     """px; lower bound of the blur: slightly below that of the pixel's box, 0.29; numerical"""
-    most_sigma_px: float = 8.0
+    most_sigma_px: float = 30.0
     """px; upper bound of the blur; empirical"""
     most_anisotropy: float = 0.6
     """bound of either parameter of the anisotropy; empirical"""

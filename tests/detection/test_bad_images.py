@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from circlepose.detection import detect, hypotheses
+from circlepose.detection import hypotheses, location
 from circlepose.detection.detect import find_contours
 from circlepose.detection.options import DEFAULT
 from circlepose.targets.target import AxisIntervals
@@ -78,8 +78,8 @@ def test_few_of_the_edges_are_looked_at_closely(name, monkeypatch):
         looked_at.append(len(ellipse))
         return original(levels, ellipse, *args, **kwargs)
 
-    original = detect.edges_along
-    monkeypatch.setattr(detect, "edges_along", counted)
+    original = location.edges_along
+    monkeypatch.setattr(location, "edges_along", counted)
     extraction = find_contours(IMAGES[name], AxisIntervals())
     assert sum(extraction.rejected.values()) > 100
     assert sum(looked_at) < 800

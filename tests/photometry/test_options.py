@@ -43,7 +43,7 @@ def fitted(options: PhotometryOptions) -> LevelsFit:
     bands = bands_around(image(), CAMERA, [RIM], np.array([options.band_half_width_px]))
     factor = factor_from_ellipse(CAMERA, RIM)
     assert factor is not None
-    blur = start_blur(1, options=options)
+    blur = start_blur(np.zeros(1), options=options)
     prior = BlurPrior(blur * [1.0, 0.0, 0.0], first_information(1, options=options))
     return fit_to_levels(bands, factor[None], blur, prior, np.array([88.0]), options=options)
 

@@ -20,6 +20,8 @@ _MANY_EDGES, _STRIP_PX = 0.1, 64
 """Share of edge pixels from which edges are followed in strips, and about the height of a strip, px; cost."""
 _SAMPLES = 1 << 11
 """Pixels from which the gradient of noise is estimated."""
+_MOST_GRADIENT = 8192.0
+"""L1 Sobel units up to which gradients of floating images are held as they are; numerical."""
 _STEP, _MEAN = np.array([-1.0, 0.0, 1.0]), np.array([1.0, 2.0, 1.0])
 
 
@@ -33,14 +35,20 @@ _PLASTIC = 1.324717957244746 ** -np.array([1.0, 2.0])
 
 
 def edge_chains(
-    grey8: Image, shortest: int, tiles: BoolArray | None = None, options: EdgeOptions = DEFAULT
+    grey: Image,
+    shortest: int,
+    tiles: BoolArray | None = None,
+    options: EdgeOptions = DEFAULT,
+    *,
+    dot_px: float = 0.0,
 ) -> Chains:
-    """Return the borders of all connected edges of `grey8` (h, w) uint8 with at least `shortest` points.
+    """Return the borders of all connected edges of `grey` (h, w) uint8 or float32, with at least `shortest` points.
 
     A closed edge gives two borders, its outer one and that of the hole in it. An edge that has merged with something
-    outside still has its hole. With `tiles` (rows, columns), only edges in those are returned.
+    outside still has its hole. With `tiles` (rows, columns), only edges in those are returned. Closed edges
+    smaller than `dot_px` are counted.
     """
-    edges = edge_map(grey8, options) if tiles is None else _edges_within(grey8, tiles, options)
+    edges = edge_map(grey, options) if tiles is None else _edges_within(grey, tiles, options)
     chains = []
     # OpenCV's borders take much more memory than chains. It finds the lowest first.
     for top, bottom in reversed(_strips(edges)):
@@ -48,7 +56,7 @@ def edge_chains(
         if top == 0:
             # Not needed any more.
             del edges
-        chains.append(Chains.of_borders(*found, shortest, size=max(grey8.shape)))
+        chains.append(Chains.of_borders(*found, shortest, size=max(grey.shape), dot_px=dot_px))
     return Chains.joined(chains)
 
 
@@ -66,27 +74,27 @@ def _strips(edges: Image) -> list[tuple[int, int]]:
     return [(top, bottom) for top, bottom in pairwise([0, *cuts, height]) if bottom > top]
 
 
-def edge_map(grey8: Image, options: EdgeOptions = DEFAULT) -> Image:
-    """Return the Canny edges (1986) of `grey8` (h, w) uint8: 255 on an edge, 0 elsewhere."""
-    smooth = _smooth(grey8, options)
+def edge_map(grey: Image, options: EdgeOptions = DEFAULT) -> Image:
+    """Return the Canny edges (1986) of `grey` (h, w), uint8 or float32: 255 on an edge, 0 elsewhere."""
+    smooth = _smooth(grey, options)
     return _canny(smooth, _high_threshold(smooth, _SOBEL, options), options)
 
 
-def _edges_within(grey8: Image, tiles: BoolArray, options: EdgeOptions) -> Image:
+def _edges_within(grey: Image, tiles: BoolArray, options: EdgeOptions) -> Image:
     """Return the edges in boxes around connected `tiles` (rows, columns), and 0 elsewhere."""
     boxes = TILE_PX * cv2.connectedComponentsWithStats(tiles.view(np.uint8))[2][1:, :4]
-    if int(np.sum(boxes[:, 2] * boxes[:, 3])) > _MOST_WITHIN * grey8.size:
-        return edge_map(grey8, options)
-    high = _high_threshold(grey8, _smooth_sobel(options.blur_size, options.blur_px), options)
-    edges = np.zeros_like(grey8)
+    if int(np.sum(boxes[:, 2] * boxes[:, 3])) > _MOST_WITHIN * grey.size:
+        return edge_map(grey, options)
+    high = _high_threshold(grey, _smooth_sobel(options.blur_size, options.blur_px), options)
+    edges = np.zeros(grey.shape, np.uint8)
     for left, top, width, height in boxes.tolist():
         box = slice(top, top + height), slice(left, left + width)
-        np.maximum(edges[box], _canny(_smooth(grey8[box], options), high, options), out=edges[box])
+        np.maximum(edges[box], _canny(_smooth(grey[box], options), high, options), out=edges[box])
     return edges
 
 
-def _smooth(grey8: Image, options: EdgeOptions) -> Image:
-    return cv2.GaussianBlur(grey8, (options.blur_size, options.blur_size), options.blur_px)
+def _smooth(grey: Image, options: EdgeOptions) -> Image:
+    return cv2.GaussianBlur(grey, (options.blur_size, options.blur_size), options.blur_px)
 
 
 @lru_cache(maxsize=8)
@@ -101,7 +109,20 @@ def _high_threshold(image: Image, sobel: FloatArray, options: EdgeOptions) -> fl
 
 
 def _canny(smooth: Image, high: float, options: EdgeOptions) -> Image:
-    return cv2.Canny(smooth, options.hysteresis * high, high)
+    if smooth.dtype == np.uint8:
+        return cv2.Canny(smooth, options.hysteresis * high, high)
+    across, down = (
+        cv2.Sobel(smooth, cv2.CV_32F, *order, borderType=cv2.BORDER_REPLICATE) for order in ((1, 0), (0, 1))
+    )
+    norm = np.abs(across) + np.abs(down)
+    if float(norm.max()) > _MOST_GRADIENT:
+        # Above this, norms grow as their logarithm: that keeps their order, and they fit into 16 bits.
+        norm = np.maximum(norm, np.float32(_MOST_GRADIENT))
+        shrunk = _MOST_GRADIENT * (1.0 + np.log(norm * np.float32(1.0 / _MOST_GRADIENT))) / norm
+        across *= shrunk
+        down *= shrunk
+    high = min(high, _MOST_GRADIENT)
+    return cv2.Canny(across.astype(np.int16), down.astype(np.int16), options.hysteresis * high, high)
 
 
 def _quiet_gradient(image: Image, sobel: FloatArray, quiet_share: float) -> float:

@@ -14,6 +14,8 @@ from circlepose._typing import BoolArray, FloatArray, IntArray
 from circlepose.geometry.ellipse import Ellipse
 
 _CORNERS = 64
+_COMPACT = 1.5
+"""Longer over shorter side of the box of a dot, in whole pixels, at most."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,14 +30,22 @@ class Chains:
     """(m,) number of points"""
     parents: IntArray
     """(m,) index of the outer border of the same edge, for the border of a hole; else -1"""
+    dots: int = 0
+    """number of compact closed edges smaller than was asked for, also of those too short for a chain"""
 
     @classmethod
     def of_borders(
-        cls, borders: Sequence[NDArray[Any]], hierarchy: NDArray[Any] | None, shortest: int, *, size: int
+        cls,
+        borders: Sequence[NDArray[Any]],
+        hierarchy: NDArray[Any] | None,
+        shortest: int,
+        *,
+        size: int,
+        dot_px: float = 0.0,
     ) -> Self:
         """Join the borders (k, 1, 2) that OpenCV finds, without those too short; `hierarchy` is that of RETR_CCOMP.
 
-        The longer side of the image is `size` px.
+        The longer side of the image is `size` px. Closed edges smaller than `dot_px` are counted as dots.
         """
         kind: type[np.signedinteger[Any]] = np.int16 if size <= np.iinfo(np.int16).max else np.int32
         sizes = np.fromiter(map(len, borders), np.int64, len(borders))
@@ -52,6 +62,7 @@ class Chains:
             starts=np.cumsum(sizes[chosen]) - sizes[chosen],
             sizes=sizes[chosen],
             parents=place[parents[chosen]],
+            dots=0 if hierarchy is None else _dots(borders, sizes, hierarchy[0, :, 2] >= 0, dot_px),
         )
 
     @classmethod
@@ -65,6 +76,7 @@ class Chains:
             parents=np.concatenate(
                 [part.parents + before * (part.parents >= 0) for part, before in zip(parts, chains, strict=False)]
             ),
+            dots=sum(part.dots for part in parts),
         )
 
     def __len__(self) -> int:
@@ -128,3 +140,18 @@ class Chains:
         ellipse = Ellipse.from_square(np.stack([cx, cy], axis=1) + origin, 4.0 * xx, 4.0 * xy, 4.0 * yy)
         full = np.pi * ellipse.semi_major * ellipse.semi_minor
         return ellipse, np.where(full > 0.0, np.abs(area) / np.where(full > 0.0, full, 1.0), 0.0)
+
+
+def _dots(borders: Sequence[NDArray[Any]], sizes: IntArray, is_closed: BoolArray, dot_px: float) -> int:
+    """Return how many closed edges, by their outer borders, are compact and smaller than `dot_px`.
+
+    The edge of a dot closes around it, and its border is as wide as the dot. Noise and texture leave open pieces.
+    """
+    which = np.flatnonzero(is_closed & (sizes <= 4.0 * dot_px))
+    if len(which) == 0:
+        return 0
+    points = np.concatenate([borders[i][:, 0] for i in which.tolist()])
+    starts = np.cumsum(sizes[which]) - sizes[which]
+    spans = np.maximum.reduceat(points, starts) - np.minimum.reduceat(points, starts)
+    longer, shorter = spans.max(axis=1), spans.min(axis=1)
+    return int(np.count_nonzero((longer < dot_px) & (longer + 1 <= _COMPACT * (shorter + 1))))

@@ -16,14 +16,14 @@ from circlepose.detection.edges.chains import Chains
 from circlepose.detection.edges.options import DEFAULT, EdgeOptions
 
 
-def border_chains(grey8: Image, shortest: int, options: EdgeOptions = DEFAULT) -> Chains:
-    """Return the best border of each nest in `grey8` (h, w) uint8 with at least `shortest` points."""
-    on_edge = cv2.dilate(edge_map(grey8, options), np.ones((3, 3), np.uint8)) > 0
-    smooth = cv2.GaussianBlur(grey8, (3, 3), 0.0)
+def border_chains(grey: Image, shortest: int, options: EdgeOptions = DEFAULT) -> Chains:
+    """Return the best border of each nest in `grey` (h, w), uint8 or float32, with at least `shortest` points."""
+    on_edge = cv2.dilate(edge_map(grey, options), np.ones((3, 3), np.uint8)) > 0
+    smooth = cv2.GaussianBlur(grey, (3, 3), 0.0)
     borders: list[IntArray] = []
     scores: list[float] = []
     for threshold in _thresholds(smooth, options.border_thresholds):
-        above = cv2.threshold(smooth, float(threshold), 255, cv2.THRESH_BINARY)[1]
+        above = cv2.threshold(smooth, float(threshold), 255, cv2.THRESH_BINARY)[1].astype(np.uint8, copy=False)
         found, _ = cv2.findContours(above, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
         for border in found:
             if len(border) < shortest:
@@ -34,12 +34,12 @@ def border_chains(grey8: Image, shortest: int, options: EdgeOptions = DEFAULT) -
                 borders.append(points)
                 scores.append(score)
     best = [borders[i][:, None, :].astype(np.int32) for i in _best_of_nests(borders, np.array(scores), options)]
-    return Chains.of_borders(best, None, shortest, size=max(grey8.shape))
+    return Chains.of_borders(best, None, shortest, size=max(grey.shape))
 
 
-def _thresholds(grey8: Image, number: int) -> FloatArray:
+def _thresholds(grey: Image, number: int) -> FloatArray:
     """Return levels at equal shares of the levels in use, so that each splits a part of the image."""
-    low, high = np.percentile(grey8[::4, ::4], [0.5, 99.5])
+    low, high = np.percentile(grey[::4, ::4], [0.5, 99.5])
     return np.unique(np.round(np.linspace(low, high, number + 2)[1:-1]))
 
 

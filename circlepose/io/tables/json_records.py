@@ -12,7 +12,7 @@ from circlepose._typing import FloatArray
 from circlepose._version import __version__
 from circlepose.io.tables.columns import Row, candidate_fields, circle_fields
 from circlepose.io.text.escaping import quoted
-from circlepose.results import CircleResult, CovarianceTerms, ImageResult
+from circlepose.results import CircleResult, CovarianceTerms, ImageResult, NestedRim
 
 POSES_SCHEMA = "circlepose.poses/1"
 
@@ -47,6 +47,7 @@ _CIRCLE_KEYS = (
     "cone",
     "ambiguity",
     "flags",
+    "nested_rims",
     "semi_major_px",
     "semi_minor_px",
     "angle_deg",
@@ -57,6 +58,7 @@ _CIRCLE_KEYS = (
     "vanishing_normal",
     "vanishing_normal_sigma_deg",
     "generatrix_expected_mm",
+    "color_mix",
     "solutions",
 )
 _SOLUTION_KEYS = (
@@ -107,12 +109,28 @@ def _circle_record(circle: CircleResult, *, chosen_only: bool) -> Row:
     fields = circle_fields(circle) | {
         "reason": circle.reason,
         "flags": list(circle.flags),
+        "nested_rims": [_nested_record(rim) for rim in circle.nested_rims] or None,
         "vanishing_normal": _list(circle.vanishing_normal),
         "vanishing_normal_sigma_deg": circle.vanishing_sigma_deg,
         "generatrix_expected_mm": circle.generatrix_expected_mm,
+        "color_mix": None if circle.color_mix is None else dict(circle.color_mix),
         "solutions": solutions,
     }
     return {key: fields.get(key) for key in _CIRCLE_KEYS}
+
+
+def _nested_record(rim: NestedRim) -> Row:
+    ellipse = rim.ellipse
+    return {
+        "center_px": ellipse.center.tolist(),
+        "semi_major_px": float(ellipse.semi_major),
+        "semi_minor_px": float(ellipse.semi_minor),
+        "angle_deg": math.degrees(float(ellipse.angle)),
+        "polarity": "dark" if rim.polarity > 0 else "bright",
+        "distance_mm": rim.distance_mm,
+        "admitted": rim.is_admitted,
+        "taken": rim.is_taken,
+    }
 
 
 def _terms_record(terms: CovarianceTerms | None) -> Row | None:

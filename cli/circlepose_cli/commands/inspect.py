@@ -30,7 +30,14 @@ def inspect(request: InspectRequest) -> None:
     Outputs([request.picture]).refuse(request.image, "the image to look at")
     pixels = read_image(request.image)
     intervals = AxisIntervals(request.major_px, request.minor_px)
-    inspection = inspect_image(pixels, intervals, request.polarity or "any", rings=request.rings)
+    inspection = inspect_image(
+        pixels,
+        intervals,
+        request.polarity or "any",
+        rings=request.rings,
+        min_score=request.min_score,
+        max_residual_px=request.max_residual_px,
+    )
     if request.picture is not None:
         from circlepose.drawing.inspection import draw_inspection  # noqa: PLC0415 - drawing is rarely asked for
 

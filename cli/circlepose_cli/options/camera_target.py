@@ -176,6 +176,8 @@ class StageOptions:
             rich_help_panel=Group.DETECTION,
         ),
     ] = EXTRACTIONS[0]
+    min_score: declared.MinScore = None
+    max_residual_px: declared.MaxResidualPx = None
     scale_calibration: Annotated[
         bool,
         typer.Option(

@@ -14,7 +14,7 @@ import typer
 from circlepose.targets import Polarity as PolarityName
 from circlepose_cli.options.groups import Parsed
 from circlepose_cli.options.help import Group
-from circlepose_cli.options.parse import Interval, interval
+from circlepose_cli.options.parse import Interval, interval, positive_px, score
 
 
 class FormatChoice(StrEnum):
@@ -91,6 +91,26 @@ MinorPx: TypeAlias = Annotated[
         rich_help_panel=Group.DETECTION,
     ),
     Parsed(interval),
+]
+MinScore: TypeAlias = Annotated[
+    float | None,
+    typer.Option(
+        "--min-score",
+        metavar="S",
+        help="Least score of a circle, 0 to 1: less takes doubtful ones too. Default: 0.32.",
+        rich_help_panel=Group.DETECTION,
+    ),
+    Parsed(score, typed=float),
+]
+MaxResidualPx: TypeAlias = Annotated[
+    float | None,
+    typer.Option(
+        "--max-residual-px",
+        metavar="R",
+        help="Leave out rims whose edges are farther than this from an ellipse, rms px.",
+        rich_help_panel=Group.DETECTION,
+    ),
+    Parsed(positive_px, typed=float),
 ]
 Format: TypeAlias = Annotated[
     FormatChoice | None,

@@ -41,6 +41,20 @@ def positive_seconds(option: str, seconds: float) -> float:
     return seconds
 
 
+def positive_px(option: str, length_px: float) -> float:
+    """Return a positive length in px; raises `UsageError`."""
+    if not 0.0 < length_px < math.inf:
+        raise UsageError(f"{option}: expected a positive number of px, such as 0.3, got {length_px:g}.")
+    return length_px
+
+
+def score(option: str, value: float) -> float:
+    """Return a score from 0 to 1; raises `UsageError`."""
+    if not 0.0 <= value <= 1.0:
+        raise UsageError(f"{option}: expected a score from 0 to 1, such as 0.2, got {value:g}.")
+    return value
+
+
 def direction(option: str, text: str) -> Direction:
     """Return the direction written as X,Y,Z; raises `UsageError`."""
     try:

@@ -208,6 +208,8 @@ class InspectRequest:
     polarity: declared.Polarity = None
     major_px: declared.MajorPx = None
     minor_px: declared.MinorPx = None
+    min_score: declared.MinScore = None
+    max_residual_px: declared.MaxResidualPx = None
     rings: Annotated[
         bool,
         typer.Option(

@@ -21,6 +21,8 @@ def _lines(name: str, inspection: Inspection) -> Iterator[str]:
     width, height = inspection.image_size
     contours = inspection.extraction.contours
     yield f"{printable(name)}: {width} x {height} px, {len(contours)} found"
+    if inspection.remark:
+        yield f"remark: {inspection.remark}"
     if contours:
         yield f"{'#':>4}  {'center px':>16}  {'axes px':>15}  why kept"
     for number, contour in enumerate(contours):
@@ -52,6 +54,7 @@ def report_json(name: str, inspection: Inspection) -> str:
         "image": name,
         "width": inspection.image_size[0],
         "height": inspection.image_size[1],
+        "remark": inspection.remark,
         "found": [_contour(contour) for contour in found.contours],
         "refused": [
             {"reason": str(reason), **_ellipse(*values)}
@@ -81,6 +84,7 @@ def _contour(contour: Contour) -> dict[str, object]:
         "residual_px": round(contour.residual_px, 4),
         "step": round(contour.step, 2),
         "inside": "darker" if contour.polarity > 0 else "brighter",
+        "color_mix": None if contour.color_mix is None else dict(contour.color_mix),
     }
 
 

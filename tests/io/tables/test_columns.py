@@ -181,6 +181,8 @@ def test_json_uses_the_tables_names():
         "solutions",
         "covariance",
         "covariance_terms",
+        "nested_rims",
+        "color_mix",
         "vanishing_normal",
         "vanishing_normal_sigma_deg",
         "vanishing_normal_distance_deg",

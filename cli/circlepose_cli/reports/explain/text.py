@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+from circlepose.detection.contour import mix_in_words
 from circlepose.diagnostics.explain import ExplainedCircle, Explanation, segments_left_out
 from circlepose.diagnostics.residuals import LevelResiduals
 from circlepose.io.text.escaping import printable
 from circlepose.measurement.rim import EdgeRim, FittedRim
-from circlepose.results import SETTLED_BY_MEANING
+from circlepose.results import SETTLED_BY_MEANING, CircleResult
 from circlepose_cli.reports.explain.poses import (
     cue_lines,
     mirror_view_of,
@@ -58,6 +59,10 @@ def _circle_rows(circle: ExplainedCircle, *, refine: bool) -> Iterator[tuple[str
         if circle.contour is None
         else circle.contour.kept_because,
     )
+    for name, words in zip(("nested rims", *("",) * len(result.nested_rims)), _nested(result), strict=False):
+        yield name, words
+    if result.color_mix is not None:
+        yield "color mix", f"{mix_in_words(result.color_mix)}: its levels were measured, as gray shows less"
     yield "edges", _edges(circle)
     yield "levels", _levels(circle, refine=refine)
     for words in _left_out(circle):
@@ -73,6 +78,16 @@ def _circle_rows(circle: ExplainedCircle, *, refine: bool) -> Iterator[tuple[str
             yield name, words
     if result.flags:
         yield "flags", ", ".join(result.flags)
+
+
+def _nested(result: CircleResult) -> Iterator[str]:
+    """Yield the concentric rims of which one was taken."""
+    for rim in result.nested_rims:
+        side = "darker" if rim.polarity > 0 else "brighter"
+        depth = "no pose" if rim.distance_mm is None else f"it would be {rim.distance_mm:.0f} mm away"
+        choice = "taken" if rim.is_taken else "could be it, too" if rim.is_admitted else "outside of what is declared"
+        major, minor = float(rim.ellipse.semi_major), float(rim.ellipse.semi_minor)
+        yield f"semi-axes {major:.1f} and {minor:.1f} px, {side} inside, {depth}: {choice}"
 
 
 def _edges(circle: ExplainedCircle) -> str:

@@ -1,0 +1,101 @@
+"""Which of many candidates are rims of the kind wanted, each once, and why the others are not."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from circlepose._typing import BoolArray, IntArray
+from circlepose.detection.contour import Rejection
+from circlepose.detection.duplicates import inside_others, repeats
+from circlepose.detection.options import DEFAULT, DetectionOptions
+from circlepose.detection.verification import REASONS, Candidates
+from circlepose.targets import Polarity
+from circlepose.targets.target import AxisIntervals
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """What contours are looked for in an image."""
+
+    intervals: AxisIntervals
+    """of the axes, px"""
+    polarity: Polarity
+    keep_concentric: bool
+    """whether contours inside others count, as of rings"""
+    enough: int | None
+    """how many are looked for; None for all"""
+    least_step: float
+    """least height of an edge, levels"""
+    options: DetectionOptions = DEFAULT
+
+    def why_not(self, candidates: Candidates) -> IntArray:
+        """Return (m,) why each candidate by itself is rejected, as the index into `REASONS`; -1 where it is not."""
+        return candidates.why_not(
+            self.intervals, self.polarity, self.least_step, self.options, of_rings=self.keep_concentric
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Chosen:
+    """Which candidates are rims of the kind wanted."""
+
+    kept: list[int]
+    """their indices, most evidence first"""
+    reasons: dict[int, Rejection]
+    """why each of the others is rejected, by its index"""
+
+
+def chosen(found: Candidates, wanted: Wanted) -> Chosen:
+    """Return which candidates are rims of the kind wanted, and why each other is not."""
+    why_not, options = wanted.why_not(found), wanted.options
+    ranked = np.argsort(-found.evidence, kind="stable")
+
+    def left(candidates: IntArray) -> IntArray:
+        return candidates[why_not[candidates] < 0]
+
+    kept = left(ranked)
+    if len(kept):
+        # What is small, or seen in part, is round by chance more often the fainter it is; a large whole rim is not.
+        faint = found.step[kept] < options.least_step_of_typical * typical_step(found, kept)
+        is_small = found.ellipse.semi_minor[kept] < options.chance_px * found.scale[kept]
+        faint &= is_small | (found.share[kept] < options.whole_rim)
+        why_not[kept[faint]] = REASONS.index(Rejection.WEAK_EDGE)
+        kept = left(kept)
+        # What is smooth in a reduced image was seen to have corners in a finer one.
+        cornered = np.flatnonzero(why_not == REASONS.index(Rejection.POLYGON))
+        rough = kept[found.ragged[kept] >= options.half_ragged]
+        again = repeats(found.ellipse, np.concatenate([cornered, rough]), options)
+        why_not[np.intersect1d(again, rough)] = REASONS.index(Rejection.POLYGON)
+        kept = left(kept)
+        why_not[repeats(found.ellipse, kept, options)] = REASONS.index(Rejection.DUPLICATE)
+        kept = left(kept)
+        if not wanted.keep_concentric:
+            why_not[inside_others(found.ellipse, kept, options)] = REASONS.index(Rejection.INSIDE_ANOTHER)
+            kept = left(kept)
+    return Chosen(kept.tolist(), {i: REASONS[why_not[i]] for i in ranked.tolist() if why_not[i] >= 0})
+
+
+def typical_step(found: Candidates, which: IntArray | list[int]) -> float:
+    """Return the mean height of the edges of the candidates `which`, by their evidence; 0 without any."""
+    evidence = found.evidence[which]
+    return float(found.step[which] @ evidence / max(evidence.sum(), 1e-9))
+
+
+def whole(found: Candidates, chosen: Chosen, options: DetectionOptions) -> list[int]:
+    """Return the indices of the kept candidates that are seen whole, most evidence first."""
+    return [i for i in chosen.kept if found.share[i] > options.whole_rim]
+
+
+def least_evident(found: Candidates, whole: list[int], enough: int | None) -> float:
+    """Return the evidence of the last of the `enough` best of the candidates `whole`; 0 where there are fewer."""
+    return float(found.evidence[whole[enough - 1]]) if enough is not None and len(whole) >= enough else 0.0
+
+
+def settled(found: Candidates, reasons: dict[int, Rejection], options: DetectionOptions) -> BoolArray:
+    """Return (m,) which candidates are rims seen whole, or nearly, wanted or not."""
+    unwanted = (Rejection.POLARITY, Rejection.INSIDE_ANOTHER, Rejection.MAJOR_AXIS, Rejection.MINOR_AXIS)
+    is_settled = (found.share > options.whole_rim) & (found.ragged < 1.0)
+    is_settled[[i for i, reason in reasons.items() if reason not in unwanted]] = False
+    return is_settled

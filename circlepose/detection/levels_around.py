@@ -1,0 +1,71 @@
+"""What the levels around a rim say: whether it bounds a region, and whether its edge is wider than the profiles."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from circlepose._typing import BoolArray, FloatArray
+from circlepose.detection.options import DetectionOptions
+from circlepose.geometry.ellipse import Ellipse
+from circlepose.imaging.pyramid import Reduced
+from circlepose.imaging.subpixel_edges import RimEdges, edges_along, sample
+
+
+def are_hollow(
+    image: Reduced, ellipse: Ellipse, edges: RimEdges, on_rim: BoolArray, options: DetectionOptions
+) -> BoolArray:
+    """Return (m,) which rims bound no region: small, or seen in part, with the levels of one side on the other, too.
+
+    The line of a letter has them in its middle, or all around. Of a large rim that is seen whole, a line will do.
+    """
+    is_small = ellipse.semi_minor < options.chance_px
+    hollow = np.zeros(len(ellipse), np.bool_)
+    which = np.flatnonzero(is_small | (on_rim.mean(axis=1) < options.whole_rim))
+    if len(which) == 0:
+        return hollow
+    own, sign, samples = ellipse[which], edges.polarity[which, None], on_rim.shape[1]
+
+    def above_rim(semi_major: FloatArray, semi_minor: FloatArray) -> FloatArray:
+        levels = sample(image.levels, Ellipse(own.center, semi_major, semi_minor, own.angle).points(samples))[0]
+        return np.asarray(sign * (levels - at_rim))
+
+    at_rim = sample(image.levels, own.points(samples))[0]
+    middle = above_rim(options.middle_share * own.semi_major, options.middle_share * own.semi_minor)
+    around = above_rim(own.semi_major + options.around_px, own.semi_minor + options.around_px)
+    inner = above_rim(options.inner_share * own.semi_major, options.inner_share * own.semi_minor)
+    seen = on_rim[which]
+    is_inside = np.sum((inner < 0.0) & seen, axis=1) >= options.least_inside * np.maximum(seen.sum(axis=1), 1)
+    of_small = (middle.mean(axis=1) > 0.0) | (np.mean(around < 0.0, axis=1) > options.around_share)
+    hollow[which] = np.where(is_small[which], of_small, False) | ~(
+        is_inside | (seen.mean(axis=1) >= options.whole_rim)
+    )
+    return hollow
+
+
+def are_solid(image: Reduced, ellipse: Ellipse, polarity: FloatArray, options: DetectionOptions) -> BoolArray:
+    """Return (m,) inside which rims the levels are all on one side: discs, not the outlines of letters.
+
+    `ellipse` (m,) in px of `image`.
+    """
+    solid = np.ones(len(ellipse), np.bool_)
+    at_rim = sample(image.levels, ellipse.points(options.samples))[0]
+    for share in (options.middle_share, options.inner_share):
+        own = Ellipse(ellipse.center, share * ellipse.semi_major, share * ellipse.semi_minor, ellipse.angle)
+        above = polarity[:, None] * (sample(image.levels, own.points(options.samples))[0] - at_rim)
+        solid &= np.mean(above < 0.0, axis=1) >= options.solid_share
+    return solid
+
+
+def are_wide(
+    image: Reduced, ellipse: Ellipse, edges: RimEdges, step: FloatArray, options: DetectionOptions
+) -> BoolArray:
+    """Return (m,) which edges are so much higher in the next smaller image that the profiles hold only a part."""
+    wide = np.zeros(len(ellipse), np.bool_)
+    which = np.flatnonzero((edges.blur_px > options.wide_px) & (ellipse.semi_minor >= 2.0 * options.least_reduced_px))
+    if len(which):
+        own = image.half.ellipse(image.full(ellipse[which]))
+        half = edges_along(image.half.levels, own, options.last_half_width_px, options.samples, quick=True)
+        count = np.maximum(np.count_nonzero(half.valid, axis=1), 1)
+        height = np.abs(np.sum(np.where(half.valid, half.step, 0.0), axis=1)) / count
+        wide[which] = height > options.wide_growth * step[which]
+    return wide

@@ -1,0 +1,172 @@
+"""The second look at candidates that agree with their edges in part: rims of which something hides the rest.
+
+Several candidates may start from arcs of one circle. They are tried in rounds, the most evident first, at most one of
+each circle in a round; those on the edges of a rim that was found are not tried any more. After rounds without a rim
+those left, which are less evident, hold none either.
+
+A rim that strays all around and one of which a cover hides a part look alike: of both an ellipse passes near all
+edges. Where a part of the edges lies on one ellipse much more closely than all, it is a cover: by chance n
+independent edges of a rough rim do so with about the n-5th power of the ratio.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from circlepose._batching import joined, rows
+from circlepose._typing import BoolArray, FloatArray, IntArray
+from circlepose.detection.occluded import in_runs, partial_rims
+from circlepose.detection.options import DEFAULT, DetectionOptions
+from circlepose.detection.verification import Candidates
+from circlepose.geometry.ellipse import Ellipse, rim_distance
+from circlepose.imaging.pyramid import Reduced
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SecondLook:
+    """What a second look found."""
+
+    found: list[Candidates]
+    """the rims, wanted or not"""
+    untried: list[int]
+    """the candidates for which the budget did not suffice"""
+    beaten: list[int]
+    """the rough rims whose edges a found one explains better"""
+
+
+def second_look(
+    full: Reduced,
+    candidates: Candidates,
+    doubtful: list[int],
+    whole: list[int],
+    rough: list[int],
+    why_not: Callable[[Candidates], IntArray],
+    options: DetectionOptions = DEFAULT,
+) -> SecondLook:
+    """Fit again the `doubtful` of the `candidates`, most evidence first, to the edges that agree.
+
+    Rims made of arcs of the circles seen `whole` are dropped, as are those made of arcs of the `rough` ones that they
+    do not explain better. `why_not` says of rims (m,) why each is not wanted, -1 where it is.
+    """
+    smooth = candidates.ellipse[whole]
+    waiting = [i for i in doubtful if _may_be_a_rim(candidates, i, smooth, options)]
+    found: list[Candidates] = []
+    beaten: set[int] = set()
+    tried = fruitless = 0
+    while waiting and tried < options.most_partial and fruitless < options.most_fruitless:
+        now = _one_of_each(candidates, waiting, options.partial_at_once, options)
+        tried += len(now)
+        waiting = [i for i in waiting if i not in now]
+        fruitless += len(now)
+        for scale in np.unique(candidates.scale[now]).tolist():
+            start = candidates.ellipse[[i for i in now if candidates.scale[i] == scale]]
+            new = _in_finer(full, _in_part(full, int(scale), start, smooth, options), smooth, options)
+            if new is not None:
+                new, lost = _compared(new, why_not(new) < 0, candidates, rough, options)
+                beaten.update(lost)
+                found.append(new)
+                kept = new.ellipse[why_not(new) < 0]
+                fruitless = 0 if len(kept) else fruitless
+                waiting = [i for i in waiting if not _lies_on(candidates, i, kept, options).any()]
+    return SecondLook(found, waiting, sorted(beaten))
+
+
+def _in_part(
+    full: Reduced, scale: int, start: Ellipse, smooth: Ellipse, options: DetectionOptions
+) -> Candidates | None:
+    """Return the rims near the ellipses `start`, px, on which long runs of edges lie in an image at `scale`."""
+    image = full.reduced_to(scale)
+    rims = [
+        rim
+        for rim in partial_rims(image, image.ellipse(start), options)
+        if rim is not None and not _is_explained(rim.edges.points[0][rim.on_rim], image.ellipse(smooth), options)
+    ]
+    return Candidates.of_partial(image, rims, options) if rims else None
+
+
+def _in_finer(
+    full: Reduced, rims: Candidates | None, smooth: Ellipse, options: DetectionOptions
+) -> Candidates | None:
+    """Look for rims again in ever finer images, up to the first in which noise or blur hides them.
+
+    There the edges of a cover are farther from the rim, in px, and it must be as smooth.
+    """
+    if rims is None or rims.scale[0] == 1.0:
+        return rims
+    finest: list[Candidates] = []
+    for k in range(len(rims.scale)):
+        rim: Candidates | None = rows(rims, np.array([k]))
+        # A finer image has about twice the noise.
+        while rim is not None and rim.scale[0] > 1.0 and 2.0 * rim.noise_share[0] <= options.noisy_share:
+            finer = _in_part(full, int(rim.scale[0]) // 2, rim.ellipse, smooth, options)
+            if finer is not None and (finer.is_wide[0] or finer.noise_share[0] > options.noisy_share):
+                break
+            rim = finer
+        if rim is not None:
+            finest.append(rim)
+    return joined(finest) if finest else None
+
+
+def _compared(
+    new: Candidates, wanted: BoolArray, candidates: Candidates, rough: list[int], options: DetectionOptions
+) -> tuple[Candidates, list[int]]:
+    """Return the rims `new` without those of arcs of `rough` ones, and which of these they explain better."""
+    kept, beaten = np.ones(len(wanted), np.bool_), []
+    for k in range(len(wanted)):
+        points = new.edges.points[k][new.on_rim[k]]
+        for i in rough:
+            near_px = max(options.same_px, options.rim_tolerance_sigmas * float(candidates.rms_px[i]))
+            distance = np.abs(rim_distance(candidates.ellipse[i], points))
+            if np.mean(distance < near_px) >= options.least_shared:
+                if wanted[k] and new.stray_px[k] <= options.closer_ratio * candidates.stray_px[i]:
+                    beaten.append(i)
+                else:
+                    kept[k] = False
+    return rows(new, np.flatnonzero(kept)), beaten
+
+
+def _one_of_each(candidates: Candidates, waiting: list[int], most: int, options: DetectionOptions) -> list[int]:
+    """Return the first of the candidates `waiting`, up to `most`, of which none lies on the edges of another."""
+    chosen: list[int] = []
+    for i in waiting:
+        if not chosen or not _lies_on(candidates, i, candidates.ellipse[chosen], options).any():
+            chosen.append(i)
+            if len(chosen) == most:
+                break
+    return chosen
+
+
+def _lies_on(candidates: Candidates, i: int, ellipse: Ellipse, options: DetectionOptions) -> BoolArray:
+    """Return on which of the ellipses (m,) most of the edges of candidate `i` lie."""
+    points = candidates.edges.points[i][candidates.on_rim[i]]
+    if len(ellipse) == 0 or len(points) == 0:
+        return np.zeros(len(ellipse), np.bool_)
+    distance = np.abs(rim_distance(ellipse, np.broadcast_to(points, (len(ellipse), *points.shape))))
+    return np.asarray(np.mean(distance < options.same_px * candidates.scale[i], axis=1) >= options.same_rim_share)
+
+
+def _may_be_a_rim(candidates: Candidates, i: int, whole: Ellipse, options: DetectionOptions) -> bool:
+    """Return whether candidate `i` has long runs of edges, alike enough, that are not those of circles seen whole."""
+    if candidates.quality[i] < options.hopeless_partial_quality:
+        return False
+    runs = in_runs(candidates.on_rim[i], options)
+    if runs.mean() < options.least_in_runs:
+        return False
+    return not _is_explained(candidates.edges.points[i][runs], whole, options)
+
+
+def _is_explained(points: FloatArray, whole: Ellipse, options: DetectionOptions) -> bool:
+    """Return whether many of the edges (n, 2) lie on whole rims: they run from one circle to its neighbor."""
+    if len(whole) == 0 or len(points) == 0:
+        return False
+    # Only rims whose boxes come near.
+    low, high = points.min(axis=0), points.max(axis=0)
+    reach = whole.semi_major[:, None] + options.explained_px
+    near = whole[np.all((whole.center > low - reach) & (whole.center < high + reach), axis=1)]
+    if len(near) == 0:
+        return False
+    distance = np.abs(rim_distance(near, np.broadcast_to(points, (len(near), *points.shape))))
+    return bool((distance < options.explained_px).any(axis=0).mean() > options.most_explained)

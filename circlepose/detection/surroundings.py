@@ -1,0 +1,103 @@
+"""Which contours are round by chance: most shapes of their size around them are not.
+
+Of small shapes some look round whatever they are: a letter's bowl, the cell of a marker, the corner of a leaf. If a
+share q of all shapes of b px (semi-minor axis) does, n such shapes around a place hold about q n that look round, and
+k round ones prove nothing where k < q n. What a few px show is the same for any shape, and larger ones differ by more
+px: q falls with the area. Shapes much fainter than the contour are not of its kind.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from circlepose._typing import BoolArray, FloatArray, Image, IntArray
+from circlepose.detection.edges.chains import Chains
+from circlepose.detection.options import DEFAULT, DetectionOptions
+from circlepose.geometry.ellipse import Ellipse
+
+_APART = 3
+"""Of the points of the edges, every such one is looked at."""
+_POINTS = 8
+"""Points of a contour at which the height of its edge is measured."""
+_SQUARE = np.ones((5, 5), np.uint8)
+"""Pixels around a point that show the height of an edge through it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Surroundings:
+    """Points of all edges of an image, from left to right."""
+
+    points: NDArray[np.signedinteger[Any]]
+    """(n, 2) px"""
+    extent: IntArray
+    """(n,) longer side of the edge that each is of, px"""
+    image: Image
+    """(h, w) levels in which they were found"""
+
+    @classmethod
+    def of(cls, chains: Chains, image: Image) -> Surroundings:
+        """Return the edges of a full-size `image`."""
+        points = chains.points[::_APART]
+        order = np.argsort(points[:, 0], kind="stable")
+        return cls(points[order], chains.extents()[chains.owner[::_APART][order]], image)
+
+    def within(self, center: FloatArray, distance_px: float) -> IntArray:
+        """Return the indices of the points up to `distance_px` from `center` (2,)."""
+        first, last = np.searchsorted(self.points[:, 0], [center[0] - distance_px, center[0] + distance_px])
+        apart = self.points[first:last] - center
+        return np.asarray(first + np.flatnonzero(np.einsum("ij,ij->i", apart, apart) <= distance_px**2))
+
+
+def by_chance(
+    ellipse: Ellipse, edges: Surroundings, is_evident: BoolArray | None = None, options: DetectionOptions = DEFAULT
+) -> BoolArray:
+    """Return (m,) which of the contours kept are round by chance, by the `edges` around them that no contour is.
+
+    Their length counts, in perimeters of the contour, as the edges of many shapes may be joined. What is round by
+    chance is one of these shapes for the others. What `is_evident` (m,) is not.
+    """
+    number = len(ellipse)
+    if number == 0 or len(edges.points) == 0:
+        return np.zeros(number, np.bool_)
+    size = np.sqrt(ellipse.semi_major * ellipse.semi_minor)
+    heights = cv2.subtract(cv2.dilate(edges.image, _SQUARE), cv2.erode(edges.image, _SQUARE))
+    height = np.median(_at(heights, ellipse.points(_POINTS)), axis=1)
+    of_edges = _at(heights, edges.points)
+    is_own = np.zeros(len(edges.points), np.bool_)
+    for k in range(number):
+        is_own[edges.within(ellipse.center[k], options.own_semi_majors * ellipse.semi_major[k])] = True
+    around = np.zeros(number)
+    near = np.zeros((number, number), np.bool_)
+    # The border of an edge runs along both of its sides.
+    perimeters = np.pi * (ellipse.semi_major + ellipse.semi_minor) * 2.0 / _APART
+    for k in range(number):
+        reach = options.around_semi_majors * ellipse.semi_major[k]
+        close = edges.within(ellipse.center[k], reach)
+        is_large = edges.extent[close] >= options.least_alike * 2.0 * ellipse.semi_major[k]
+        close = close[is_large & ~is_own[close] & (of_edges[close] >= options.alike_height * height[k])]
+        around[k] = len(close) / perimeters[k]
+        near[k] = np.linalg.norm(ellipse.center - ellipse.center[k], axis=1) < reach
+        near[k] &= (size > options.least_alike * size[k]) & (size < size[k] / options.least_alike)
+    odds = options.chance_odds * np.maximum(1.0, (ellipse.semi_minor / options.chance_px) ** 2)
+    chance = np.zeros(number, np.bool_)
+    may = ~(chance if is_evident is None else is_evident)
+    while True:
+        dropped = np.count_nonzero(near & chance, axis=1)
+        # Each contour is its own kin.
+        kin = np.count_nonzero(near & ~chance, axis=1)
+        more = may & ~chance & (around + dropped >= np.maximum(options.least_around, odds * kin))
+        if not more.any():
+            return chance
+        chance |= more
+
+
+def _at(image: Image, points: NDArray[Any]) -> Image:
+    """Return the levels (...) of the pixels at `points` (..., 2), px, or of those nearest in the image."""
+    height, width = image.shape
+    x, y = np.rint(points[..., 0]).astype(np.int64), np.rint(points[..., 1]).astype(np.int64)
+    return np.asarray(image[y.clip(0, height - 1), x.clip(0, width - 1)])
