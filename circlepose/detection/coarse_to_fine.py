@@ -6,7 +6,7 @@ A reduced image shows large circles at little cost, and they are not sought agai
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -32,7 +32,7 @@ class Search:
 
     found: Candidates | None = None
     """None without any"""
-    chosen: Chosen = Chosen([], {})  # noqa: RUF009 - never changed
+    chosen: Chosen = field(default_factory=lambda: Chosen([], {}))
     thin: tuple[Ellipse, ...] = ()
     """what may be circles seen edge-on, of the finer images, the coarsest first"""
     surroundings: Surroundings | None = None

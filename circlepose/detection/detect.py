@@ -105,15 +105,16 @@ def _seen_in_part(full: Reduced, found: Candidates, state: Search, wanted: Wante
     """Add the rims that are found at a second look, if any; returns also how many candidates were not tried."""
     first, options = state.chosen, wanted.options
     # What is rough may be two things: see `second_look`.
-    rough = np.flatnonzero(found.ragged >= options.half_ragged).tolist()
-    fit = np.flatnonzero(wanted.why_not(found) < 0).tolist() if rough else []
-    rough = [i for i in rough if i in fit]
-    smooth = [i for i in whole(found, first, options) if found.ragged[i] < options.half_ragged]
-    parted = [
-        i
-        for i in (fit if rough else [])
-        if (found.share[i] < options.clean_thin_rim if i in rough else found.share[i] < options.whole_rim)
-    ]
+    is_rough = found.ragged >= options.half_ragged
+    smooth = [i for i in whole(found, first, options) if not is_rough[i]]
+    rough: list[int] = []
+    parted: list[int] = []
+    if is_rough.any():
+        fits = wanted.why_not(found) < 0
+        rough = np.flatnonzero(is_rough & fits).tolist()
+        if rough:
+            most = np.where(is_rough, options.clean_thin_rim, options.whole_rim)
+            parted = np.flatnonzero(fits & (found.share < most)).tolist()
     # Only these could be among the `enough` best, and none so faint beside the others counts.
     least = least_evident(found, smooth, wanted.enough)
     least_step = options.least_step_of_typical * typical_step(found, first.kept)

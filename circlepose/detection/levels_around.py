@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from circlepose._typing import BoolArray, FloatArray
@@ -23,16 +25,9 @@ def are_hollow(
     which = np.flatnonzero(is_small | (on_rim.mean(axis=1) < options.whole_rim))
     if len(which) == 0:
         return hollow
-    own, sign, samples = ellipse[which], edges.polarity[which, None], on_rim.shape[1]
-
-    def above_rim(semi_major: FloatArray, semi_minor: FloatArray) -> FloatArray:
-        levels = sample(image.levels, Ellipse(own.center, semi_major, semi_minor, own.angle).points(samples))[0]
-        return np.asarray(sign * (levels - at_rim))
-
-    at_rim = sample(image.levels, own.points(samples))[0]
-    middle = above_rim(options.middle_share * own.semi_major, options.middle_share * own.semi_minor)
-    around = above_rim(own.semi_major + options.around_px, own.semi_minor + options.around_px)
-    inner = above_rim(options.inner_share * own.semi_major, options.inner_share * own.semi_minor)
+    own, px = ellipse[which], options.around_px
+    places = [(options.middle_share, 0.0), (options.inner_share, 0.0), (1.0, px)]
+    middle, inner, around = _above_rim(image, own, edges.polarity[which], on_rim.shape[1], places)
     seen = on_rim[which]
     is_inside = np.sum((inner < 0.0) & seen, axis=1) >= options.least_inside * np.maximum(seen.sum(axis=1), 1)
     of_small = (middle.mean(axis=1) > 0.0) | (np.mean(around < 0.0, axis=1) > options.around_share)
@@ -47,13 +42,26 @@ def are_solid(image: Reduced, ellipse: Ellipse, polarity: FloatArray, options: D
 
     `ellipse` (m,) in px of `image`.
     """
-    solid = np.ones(len(ellipse), np.bool_)
-    at_rim = sample(image.levels, ellipse.points(options.samples))[0]
-    for share in (options.middle_share, options.inner_share):
-        own = Ellipse(ellipse.center, share * ellipse.semi_major, share * ellipse.semi_minor, ellipse.angle)
-        above = polarity[:, None] * (sample(image.levels, own.points(options.samples))[0] - at_rim)
-        solid &= np.mean(above < 0.0, axis=1) >= options.solid_share
-    return solid
+    places = [(options.middle_share, 0.0), (options.inner_share, 0.0)]
+    middle, inner = _above_rim(image, ellipse, polarity, options.samples, places)
+    is_inside = [np.mean(each < 0.0, axis=1) >= options.solid_share for each in (middle, inner)]
+    return np.asarray(is_inside[0] & is_inside[1])
+
+
+def _above_rim(
+    image: Reduced, ellipse: Ellipse, polarity: FloatArray, samples: int, places: Sequence[tuple[float, float]]
+) -> list[FloatArray]:
+    """Return for each of the `places`, a share of the axes and px added, by how much levels there are on the outside.
+
+    (m, samples) levels, less those at the rim: negative as inside.
+    """
+    at_rim = sample(image.levels, ellipse.points(samples))[0]
+    above = []
+    for share, px in places:
+        axes = share * ellipse.semi_major + px, share * ellipse.semi_minor + px
+        levels = sample(image.levels, Ellipse(ellipse.center, *axes, ellipse.angle).points(samples))[0]
+        above.append(polarity[:, None] * (levels - at_rim))
+    return above
 
 
 def are_wide(

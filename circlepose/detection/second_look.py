@@ -65,10 +65,11 @@ def second_look(
             start = candidates.ellipse[[i for i in now if candidates.scale[i] == scale]]
             new = _in_finer(full, _in_part(full, int(scale), start, smooth, options), smooth, options)
             if new is not None:
-                new, lost = _compared(new, why_not(new) < 0, candidates, rough, options)
+                wanted = why_not(new) < 0
+                left, lost = _compared(new, wanted, candidates, rough, options)
                 beaten.update(lost)
-                found.append(new)
-                kept = new.ellipse[why_not(new) < 0]
+                found.append(rows(new, left))
+                kept = new.ellipse[left[wanted[left]]]
                 fruitless = 0 if len(kept) else fruitless
                 waiting = [i for i in waiting if not _lies_on(candidates, i, kept, options).any()]
     return SecondLook(found, waiting, sorted(beaten))
@@ -112,8 +113,8 @@ def _in_finer(
 
 def _compared(
     new: Candidates, wanted: BoolArray, candidates: Candidates, rough: list[int], options: DetectionOptions
-) -> tuple[Candidates, list[int]]:
-    """Return the rims `new` without those of arcs of `rough` ones, and which of these they explain better."""
+) -> tuple[IntArray, list[int]]:
+    """Return which of the rims `new` are not of arcs of `rough` ones, and which of these they explain better."""
     kept, beaten = np.ones(len(wanted), np.bool_), []
     for k in range(len(wanted)):
         points = new.edges.points[k][new.on_rim[k]]
@@ -125,7 +126,7 @@ def _compared(
                     beaten.append(i)
                 else:
                     kept[k] = False
-    return rows(new, np.flatnonzero(kept)), beaten
+    return np.flatnonzero(kept), beaten
 
 
 def _one_of_each(candidates: Candidates, waiting: list[int], most: int, options: DetectionOptions) -> list[int]:

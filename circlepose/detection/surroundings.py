@@ -62,8 +62,12 @@ def by_chance(
     chance is one of these shapes for the others. What `is_evident` (m,) is not.
     """
     number = len(ellipse)
-    if number == 0 or len(edges.points) == 0:
-        return np.zeros(number, np.bool_)
+    chance = np.zeros(number, np.bool_)
+    may = ~(chance if is_evident is None else is_evident)
+    # The border of an edge runs along both of its sides.
+    perimeters = np.pi * (ellipse.semi_major + ellipse.semi_minor) * 2.0 / _APART
+    if not (len(edges.points) >= options.least_around * perimeters[may]).any():
+        return chance
     size = np.sqrt(ellipse.semi_major * ellipse.semi_minor)
     heights = cv2.subtract(cv2.dilate(edges.image, _SQUARE), cv2.erode(edges.image, _SQUARE))
     height = np.median(_at(heights, ellipse.points(_POINTS)), axis=1)
@@ -73,8 +77,6 @@ def by_chance(
         is_own[edges.within(ellipse.center[k], options.own_semi_majors * ellipse.semi_major[k])] = True
     around = np.zeros(number)
     near = np.zeros((number, number), np.bool_)
-    # The border of an edge runs along both of its sides.
-    perimeters = np.pi * (ellipse.semi_major + ellipse.semi_minor) * 2.0 / _APART
     for k in range(number):
         reach = options.around_semi_majors * ellipse.semi_major[k]
         close = edges.within(ellipse.center[k], reach)
@@ -84,8 +86,6 @@ def by_chance(
         near[k] = np.linalg.norm(ellipse.center - ellipse.center[k], axis=1) < reach
         near[k] &= (size > options.least_alike * size[k]) & (size < size[k] / options.least_alike)
     odds = options.chance_odds * np.maximum(1.0, (ellipse.semi_minor / options.chance_px) ** 2)
-    chance = np.zeros(number, np.bool_)
-    may = ~(chance if is_evident is None else is_evident)
     while True:
         dropped = np.count_nonzero(near & chance, axis=1)
         # Each contour is its own kin.

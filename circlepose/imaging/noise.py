@@ -24,7 +24,7 @@ def noise_of(gray: Image, *, least: float = _LEAST_NOISE) -> float:
     if gray.dtype.kind != "f":
         middle = bends.size // 2
         return max(_PER_BEND * float(np.partition(np.abs(bends), middle, axis=None)[middle]), least)
-    if gray.dtype.kind == "f" and np.isnan(bends).all():
+    if np.isnan(bends).all():
         # Every second pixel, or every second row, has none.
         known = np.isfinite(gray)
         gray = gray[known.any(axis=1)][:, known.any(axis=0)]

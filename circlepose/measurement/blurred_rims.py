@@ -34,10 +34,6 @@ def fit_all_levels(
     No fit is kept of a rim that was fitted in a reduced image. Neighbors count where they have the same scale.
     """
     scales = [_scale(rim) for rim in rims]
-    if all(scale == 1 for scale in scales):
-        return fit_levels(
-            gray, camera, rims, whole=whole, full_scale=full_scale, keep_fits=keep_fits, options=options
-        )
     full = Reduced(gray)
     done: list[Rim] = list(rims)
     kept: list[LevelFit | None] = [None] * len(rims)

@@ -107,19 +107,19 @@ def fit_levels(
     kept: list[LevelFit | None] = [None] * len(rims)
     chosen = [i for i, rim in enumerate(rims) if isinstance(rim, EdgeRim) or _has_two_sides(rim, options)]
     are_many = len(chosen) >= options.least_rims_for_blur
-    blur = start_blur(_blurs(rims), options=photometry)
+    known_px = np.array([blur_px(rim) for rim in rims])
+    blur = start_blur(known_px, options=photometry)
     half_width = np.maximum(
-        photometry.band_half_width_px, photometry.band_half_width_sigmas * np.exp(blur[:, 0]) * (_blurs(rims) > 0.0)
+        photometry.band_half_width_px, photometry.band_half_width_sigmas * np.exp(blur[:, 0]) * (known_px > 0.0)
     )
     curved = [
-        is_curved(rim.ellipse, float(width), options=photometry)
-        for rim, width in zip(rims, _blurs(rims), strict=True)
+        is_curved(rim.ellipse, float(width), options=photometry) for rim, width in zip(rims, known_px, strict=True)
     ]
     variance = np.full((len(rims), 3), np.inf)
     contrast = np.zeros(len(rims))
     is_small = np.array([float(rim.ellipse.semi_minor) < options.small_px for rim in rims])
     ellipses = [rim.ellipse for rim in rims]
-    for turn in range(3 if np.any(_blurs(rims) > 0.0) else 2):
+    for turn in range(3 if np.any(known_px > 0.0) else 2):
         again = turn > 0
         sigma = np.exp(blur[:, 0])
         is_blurred = photometry.band_half_width_sigmas * sigma > 1.1 * half_width
@@ -133,7 +133,7 @@ def fit_levels(
         order = [i for i in chosen if not again or is_blurred[i] or is_crowded[i] or (is_small[i] and is_unequal)]
         if turn == 2:
             # A wide blur is far from where the first fit starts.
-            order = [i for i in chosen if _blurs(rims)[i] > 0.0]
+            order = [i for i in chosen if known_px[i] > 0.0]
         if not order:
             break
         order.sort(key=lambda i: (curved[i], _perimeter(rims[i])))
@@ -175,11 +175,6 @@ def fit_levels(
     return LevelFits(
         [_after_fit(whole, camera, rim, fitted, options) for rim, fitted in zip(rims, done, strict=True)], kept
     )
-
-
-def _blurs(rims: Sequence[Rim]) -> FloatArray:
-    """Return (m,) the blurs, px, with which the contours were found; 0 where these are not known."""
-    return np.array([blur_px(rim) for rim in rims])
 
 
 def _current(rims: Sequence[Rim], done: Sequence[FittedRim | Failure | None]) -> list[Rim]:

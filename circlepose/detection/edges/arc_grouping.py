@@ -8,7 +8,7 @@ from circlepose._typing import BoolArray, FloatArray, IntArray
 from circlepose.detection.edges.arcs import SAMPLES, Arcs
 from circlepose.detection.edges.options import DEFAULT, EdgeOptions
 from circlepose.fitting.direct import fit_scatter, scatter_of
-from circlepose.geometry.ellipse import Ellipse, rim_distance
+from circlepose.geometry.ellipse import NO_ELLIPSES, Ellipse, rim_distance
 
 
 def joined_arcs(arcs: Arcs, longest_px: float, options: EdgeOptions = DEFAULT) -> tuple[Ellipse, FloatArray]:
@@ -49,7 +49,7 @@ def joined_arcs(arcs: Arcs, longest_px: float, options: EdgeOptions = DEFAULT) -
 
 
 def _none() -> tuple[Ellipse, FloatArray]:
-    return Ellipse(np.empty((0, 2)), np.empty(0), np.empty(0), np.empty(0)), np.empty(0)
+    return NO_ELLIPSES, np.empty(0)
 
 
 def _fitted(scatter: FloatArray, middle: FloatArray, scale: float) -> tuple[Ellipse, BoolArray]:
