@@ -11,6 +11,7 @@ from circlepose.detection.contour import Rejection
 from circlepose.detection.duplicates import inside_others, repeats
 from circlepose.detection.options import DEFAULT, DetectionOptions
 from circlepose.detection.verification import REASONS, Candidates
+from circlepose.geometry.ellipse import rim_distance
 from circlepose.targets import Polarity
 from circlepose.targets.target import AxisIntervals
 
@@ -71,10 +72,32 @@ def chosen(found: Candidates, wanted: Wanted) -> Chosen:
         kept = left(kept)
         why_not[repeats(found.ellipse, kept, options)] = REASONS.index(Rejection.DUPLICATE)
         kept = left(kept)
+        if (found.noise_share[kept] > options.noisy_share).any():
+            why_not[_borrowing(found, kept, options)] = REASONS.index(Rejection.WEAK_EDGE)
+            kept = left(kept)
         if not wanted.keep_concentric:
             why_not[inside_others(found.ellipse, kept, options)] = REASONS.index(Rejection.INSIDE_ANOTHER)
             kept = left(kept)
     return Chosen(kept.tolist(), {i: REASONS[why_not[i]] for i in ranked.tolist() if why_not[i] >= 0})
+
+
+def _borrowing(found: Candidates, ranked: IntArray, options: DetectionOptions) -> list[int]:
+    """Return which of the candidates `ranked`, most evidence first, are noise but for the edges of rims before them."""
+    center, reach = found.ellipse.center, found.ellipse.semi_major + options.same_px
+    before: list[int] = []
+    borrowing: list[int] = []
+    for i in ranked.tolist():
+        apart = np.linalg.norm(center[before] - center[i], axis=1)
+        near = found.ellipse[[k for k, px in zip(before, apart, strict=True) if px < reach[k] + reach[i]]]
+        if len(near) and found.noise_share[i] > options.noisy_share:
+            near_px = max(options.same_px, options.rim_tolerance_sigmas * float(found.noise_px[i]))
+            points = np.broadcast_to(found.edges.points[i], (len(near), *found.edges.points[i].shape))
+            is_of_others = (np.abs(rim_distance(near, points)) <= near_px).any(axis=0)
+            if found.is_noise(i, found.on_rim[i] & ~is_of_others, options):
+                borrowing.append(i)
+                continue
+        before.append(i)
+    return borrowing
 
 
 def typical_step(found: Candidates, which: IntArray | list[int]) -> float:

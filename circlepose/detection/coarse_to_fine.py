@@ -111,9 +111,9 @@ def slivers_wanted(wanted: Wanted) -> bool:
 
 
 def _order(images: list[Image], options: DetectionOptions) -> list[int]:
-    """Return the levels of the search: from coarse to fine, the smallest last, which shows what drowns in others."""
-    order = list(reversed(range(len(images))))
-    return order[1:] + order[:1] if len(order) > 2 and images[-1].size < options.least_pixels else order
+    """Return the levels of the search: from coarse to fine, the smallest last, which show what drowns in others."""
+    last = [level for level in range(2, len(images)) if images[level].size < options.least_pixels]
+    return [*reversed(range(len(images) - len(last))), *last]
 
 
 def _known(image: Image, state: Search, options: DetectionOptions) -> Ellipse:

@@ -67,13 +67,19 @@ def _above_rim(
 def are_wide(
     image: Reduced, ellipse: Ellipse, edges: RimEdges, step: FloatArray, options: DetectionOptions
 ) -> BoolArray:
-    """Return (m,) which edges are so much higher in the next smaller image that the profiles hold only a part."""
+    """Return (m,) which edges are so much higher in the next smaller image that the profiles hold only a part.
+
+    What is too small to be located there is wide where its edge is elsewhere in it.
+    """
     wide = np.zeros(len(ellipse), np.bool_)
-    which = np.flatnonzero((edges.blur_px > options.wide_px) & (ellipse.semi_minor >= 2.0 * options.least_reduced_px))
+    which = np.flatnonzero((edges.blur_px > options.wide_px) & (ellipse.semi_minor >= 2.0 * options.least_halved_px))
     if len(which):
         own = image.half.ellipse(image.full(ellipse[which]))
         half = edges_along(image.half.levels, own, options.last_half_width_px, options.samples, quick=True)
         count = np.maximum(np.count_nonzero(half.valid, axis=1), 1)
         height = np.abs(np.sum(np.where(half.valid, half.step, 0.0), axis=1)) / count
-        wide[which] = height > options.wide_growth * step[which]
+        on_it = half.valid & (np.abs(half.offset_px) <= options.rim_tolerance_px)
+        may_be_located = own.semi_minor >= options.least_reduced_px
+        is_elsewhere = may_be_located | (on_it.mean(axis=1) < options.whole_rim)
+        wide[which] = is_elsewhere & (height > options.wide_growth * step[which])
     return wide

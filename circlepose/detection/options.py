@@ -232,6 +232,8 @@ class DetectionOptions:
     """px; semi-minor axis from which an edge that is rough by 2 % of it may be out of reach; numerical"""
     least_reduced_px: float = 3.5
     """px; semi-minor axis down to which an image is reduced for a candidate; numerical"""
+    least_halved_px: float = 2.0
+    """px; semi-minor axis down to which a reduced image shows whether an edge is there or elsewhere; numerical"""
     reduced_half_width_px: float = 3.5
     """px; half-width of the first search across a candidate; empirical"""
 

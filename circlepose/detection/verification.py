@@ -162,8 +162,14 @@ class Candidates:
     def _may_be_noise(self, options: DetectionOptions) -> BoolArray:
         """Return (m,) which edges are no higher than the highest that noise alone shows along an ellipse."""
         length = self.share * np.pi * (self.ellipse.semi_major + self.ellipse.semi_minor) / self.scale
-        by_noise = options.noise_step + options.noise_sigmas * options.noise_step_scatter / np.sqrt(length + 1e-9)
-        return self.noise_share * by_noise > 1.0
+        return self.noise_share * _by_noise(length, options) > 1.0
+
+    def is_noise(self, i: int, which: BoolArray, options: DetectionOptions) -> bool:
+        """Return whether the edges `which` (k,) of candidate i are no higher than noise."""
+        count = np.count_nonzero(which)
+        perimeter = np.pi * (self.ellipse.semi_major[i] + self.ellipse.semi_minor[i]) / self.scale[i]
+        by_noise = self.noise_share[i] * self.step[i] * _by_noise(perimeter * count / len(which), options)
+        return bool(by_noise * count > np.abs(self.edges.step[i][which].sum()))
 
     def _least_rim(self, options: DetectionOptions) -> FloatArray:
         whole = np.where(self.ragged < options.half_ragged, options.least_rim, options.clean_rim)
@@ -264,6 +270,11 @@ def _quality(semi_minor: FloatArray, rms_px: FloatArray, uneven: FloatArray, opt
     return np.asarray(
         1.0 / (1.0 + stray**2) / (1.0 + (uneven / (options.uneven + options.uneven_per_px * semi_minor)) ** 2)
     )
+
+
+def _by_noise(length_px: FloatArray, options: DetectionOptions) -> FloatArray:
+    """Return the greatest height of edges by noise, over the noise, along `length_px` (m,) of an ellipse."""
+    return options.noise_step + options.noise_sigmas * options.noise_step_scatter / np.sqrt(length_px + 1e-9)
 
 
 def _holds(length_px: FloatArray, interval: tuple[float, float] | None) -> BoolArray:

@@ -13,8 +13,10 @@ from circlepose.imaging.noise import noise_of
 
 _COARSEST_PIXELS = 15_000.0
 """About how many pixels the coarsest image has: large circles are found in it at hardly any cost; cost."""
-_SMALLEST_SIDE_PX = 64
-"""px; shorter side from which an image is halved at least once; empirical."""
+_MOST_BLURRED = 3
+"""Halvings that show a blur of 16 px as one of 2 px, which an edge may have; numerical."""
+_SMALLEST_SIDE_PX = 56
+"""px; shorter side from which an image is halved so often; numerical."""
 
 
 def pyramid(levels: Image) -> list[Image]:
@@ -27,11 +29,12 @@ def pyramid(levels: Image) -> list[Image]:
 
     Returns
     -------
-    Images from full size down to some 15 000 pixels, each half as wide and high as the one before.
+    Images from full size down to some 15 000 pixels, or to what shows the widest blur, each half as wide and high as
+    the one before.
     """
     halvings = max(0, round(np.log2(max(levels.size, 1.0) / _COARSEST_PIXELS) / 2.0))
     images = [levels]
-    for _ in range(max(halvings, int(min(levels.shape) >= _SMALLEST_SIDE_PX))):
+    while len(images) <= halvings or (len(images) <= _MOST_BLURRED and min(images[-1].shape) >= _SMALLEST_SIDE_PX):
         images.append(cv2.resize(images[-1], None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA))
     return images
 
