@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from circlepose._batching import joined, rows
-from circlepose._typing import Image
+from circlepose._typing import FloatArray, Image
 from circlepose.detection import EXTRACTIONS
 from circlepose.detection.chosen import Chosen, Wanted, chosen, least_evident, typical_step, whole
 from circlepose.detection.coarse_to_fine import Search, search, slivers_wanted
@@ -23,7 +23,7 @@ from circlepose.detection.hypotheses import rough_ellipses, without_repeats
 from circlepose.detection.levels_around import are_solid
 from circlepose.detection.options import DEFAULT, DetectionOptions
 from circlepose.detection.second_look import second_look
-from circlepose.detection.surroundings import Surroundings, by_chance
+from circlepose.detection.surroundings import Surroundings, chance_scores
 from circlepose.detection.verification import Candidates
 from circlepose.geometry.ellipse import NO_ELLIPSES, Ellipse
 from circlepose.imaging.pyramid import Reduced, pyramid
@@ -79,10 +79,11 @@ def find_contours(
     if state.found is not None:
         found, kept, untried = _seen_in_part(full, state.found, state, wanted)
         rejected[Rejection.BUDGET] += untried
+        most = np.ones(len(found.share))
         if state.surroundings is not None:
-            kept = _not_by_chance(full, found, kept, state.surroundings, options)
+            kept, most = _not_by_chance(full, found, kept, state.surroundings, options)
         rejected.update(kept.reasons.values())
-        contours = _contours(found, kept, options)
+        contours = _contours(found, kept, most, options)
     others = NO_ELLIPSES if state.found is None else found.ellipse[kept.kept]
     refused = NO_ELLIPSES if state.found is None else found.ellipse[list(kept.reasons)]
     # Where round things are there by chance, lines are, too.
@@ -135,8 +136,8 @@ def _seen_in_part(full: Reduced, found: Candidates, state: Search, wanted: Wante
 
 def _not_by_chance(
     full: Reduced, found: Candidates, kept: Chosen, surroundings: Surroundings, options: DetectionOptions
-) -> Chosen:
-    """Return those kept without what is round by chance among the `surroundings`."""
+) -> tuple[Chosen, FloatArray]:
+    """Return those kept without what is round by chance among the `surroundings`, and the largest scores (m,)."""
     own = found.ellipse[kept.kept]
     # A solid disc that is seen whole, and not tiny, is neither a letter nor a marker's cell.
     is_evident = (own.semi_minor >= options.evident_px) & (found.score[kept.kept] >= options.evident_score)
@@ -144,21 +145,23 @@ def _not_by_chance(
     is_evident &= are_solid(full, own, found.edges.polarity[kept.kept], options)
     # Noise has edges, too, that count beside a contour hardly higher.
     is_evident |= found.noise_share[kept.kept] > options.most_noise_around
-    chance = by_chance(own, surroundings, is_evident, options)
-    dropped = [i for i, is_chance in zip(kept.kept, chance.tolist(), strict=True) if is_chance]
+    most = np.ones(len(found.share))
+    most[kept.kept] = chance_scores(own, surroundings, is_evident, options)
+    dropped = [i for i in kept.kept if most[i] < options.least_score]
     left = [i for i in kept.kept if i not in dropped]
-    return Chosen(left, kept.reasons | dict.fromkeys(dropped, Rejection.BY_CHANCE))
+    return Chosen(left, kept.reasons | dict.fromkeys(dropped, Rejection.BY_CHANCE)), most
 
 
-def _contours(found: Candidates, kept: Chosen, options: DetectionOptions) -> list[Contour]:
-    """Return the candidates kept, each with those nested in it."""
+def _contours(found: Candidates, kept: Chosen, most: FloatArray, options: DetectionOptions) -> list[Contour]:
+    """Return the candidates kept, each with those nested in it, scored by `most` (m,) at most."""
     inner = [i for i, reason in kept.reasons.items() if reason is Rejection.INSIDE_ANOTHER]
     nested = nested_in(found.ellipse, found.edges.polarity, kept.kept, inner, options) if inner else {}
-    contours = [found.contour(i) for i in kept.kept]
-    return [
-        replace(contour, nested=tuple(found.contour(k) for k in nested[i])) if i in nested else contour
-        for i, contour in zip(kept.kept, contours, strict=True)
-    ]
+    contours = []
+    for i in kept.kept:
+        contour = found.contour(i)
+        score = min(contour.score, float(most[i]))
+        contours.append(replace(contour, score=score, nested=tuple(found.contour(k) for k in nested.get(i, ()))))
+    return contours
 
 
 def _distinct(thin: list[Ellipse]) -> Ellipse:

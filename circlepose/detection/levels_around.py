@@ -38,14 +38,14 @@ def are_hollow(
 
 
 def are_solid(image: Reduced, ellipse: Ellipse, polarity: FloatArray, options: DetectionOptions) -> BoolArray:
-    """Return (m,) inside which rims the levels are all on one side: discs, not the outlines of letters.
+    """Return (m,) which rims are those of discs, not of the outlines of letters or the holes in them.
 
-    `ellipse` (m,) in px of `image`.
+    Inside the levels are all on one side of the rim's, and beyond it on the other. `ellipse` (m,) in px of `image`.
     """
-    places = [(options.middle_share, 0.0), (options.inner_share, 0.0)]
-    middle, inner = _above_rim(image, ellipse, polarity, options.samples, places)
+    places = [(options.middle_share, 0.0), (options.inner_share, 0.0), (options.beyond_share, 0.0)]
+    middle, inner, beyond = _above_rim(image, ellipse, polarity, options.samples, places)
     is_inside = [np.mean(each < 0.0, axis=1) >= options.solid_share for each in (middle, inner)]
-    return np.asarray(is_inside[0] & is_inside[1])
+    return np.asarray(is_inside[0] & is_inside[1] & (np.mean(beyond > 0.0, axis=1) >= options.least_beyond))
 
 
 def _above_rim(

@@ -162,6 +162,10 @@ class DetectionOptions:
     """share of what is seen of the rim where this level is that of the inside; empirical"""
     solid_share: float = 0.95
     """share of what is inside a rim on that side of the edge, from which it is a disc's; empirical"""
+    beyond_share: float = 2.0
+    """size of the ellipse on which the level beyond a disc is taken, over the rim's; empirical"""
+    least_beyond: float = 0.5
+    """share of it on the outer side of the edge: a hole in the line of a letter has the inner one; empirical"""
     noise_step: float = 1.5
     """noises; mean height of the edges that are found along an ellipse in white noise; empirical"""
     noise_step_scatter: float = 0.9
@@ -216,6 +220,8 @@ class DetectionOptions:
     5 x 5 px; statistical"""
     own_semi_majors: float = 1.2
     """semi-major axes; distance up to which shapes belong to the contour; empirical"""
+    chance_score: float = 0.32
+    """score of what is round by chance as likely as not: the least by default; exact"""
     chance_odds: float = 2.0
     """shapes that are not round for each that is by chance, where their semi-minor axis is `chance_px`; empirical"""
     least_around: float = 5.0
@@ -372,8 +378,6 @@ class DetectionOptions:
             hopeless_partial_quality=lower * self.hopeless_partial_quality,
             least_rim=lower * self.least_rim,
             clean_rim=lower * self.clean_rim,
-            least_around=self.least_around / lower if lower > 0.0 else float("inf"),
-            chance_odds=self.chance_odds / lower if lower > 0.0 else float("inf"),
         )
 
 

@@ -53,47 +53,55 @@ class Surroundings:
         return np.asarray(first + np.flatnonzero(np.einsum("ij,ij->i", apart, apart) <= distance_px**2))
 
 
-def by_chance(
+def chance_scores(
     ellipse: Ellipse, edges: Surroundings, is_evident: BoolArray | None = None, options: DetectionOptions = DEFAULT
-) -> BoolArray:
-    """Return (m,) which of the contours kept are round by chance, by the `edges` around them that no contour is.
+) -> FloatArray:
+    """Return (m,) the largest score that each contour can have beside the `edges` around it that no contour is.
 
-    Their length counts, in perimeters of the contour, as the edges of many shapes may be joined. What is round by
-    chance is one of these shapes for the others. What `is_evident` (m,) is not.
+    It is `chance_score` for one that is round by chance as likely as not, and falls with what is around. The length
+    of the edges counts, in perimeters of the contour, as those of many shapes may be joined. What has less than the
+    least score is one of these shapes for the others. What `is_evident` (m,) is not round by chance.
     """
     number = len(ellipse)
-    chance = np.zeros(number, np.bool_)
-    may = ~(chance if is_evident is None else is_evident)
+    most = np.ones(number)
+    may = np.ones(number, np.bool_) if is_evident is None else ~is_evident
     # The border of an edge runs along both of its sides.
     perimeters = np.pi * (ellipse.semi_major + ellipse.semi_minor) * 2.0 / _APART
-    if not (len(edges.points) >= options.least_around * perimeters[may]).any():
-        return chance
+    if not (len(edges.points) > options.chance_score * options.least_around * perimeters[may]).any():
+        return most
     size = np.sqrt(ellipse.semi_major * ellipse.semi_minor)
     heights = cv2.subtract(cv2.dilate(edges.image, _SQUARE), cv2.erode(edges.image, _SQUARE))
     height = np.median(_at(heights, ellipse.points(_POINTS)), axis=1)
     of_edges = _at(heights, edges.points)
-    is_own = np.zeros(len(edges.points), np.bool_)
-    for k in range(number):
-        is_own[edges.within(ellipse.center[k], options.own_semi_majors * ellipse.semi_major[k])] = True
-    around = np.zeros(number)
+    own = [edges.within(ellipse.center[k], options.own_semi_majors * ellipse.semi_major[k]) for k in range(number)]
+    owners = np.zeros(len(edges.points), np.int64)
+    for each in own:
+        owners[each] += 1
+    close: list[IntArray] = []
     near = np.zeros((number, number), np.bool_)
     for k in range(number):
         reach = options.around_semi_majors * ellipse.semi_major[k]
-        close = edges.within(ellipse.center[k], reach)
-        is_large = edges.extent[close] >= options.least_alike * 2.0 * ellipse.semi_major[k]
-        close = close[is_large & ~is_own[close] & (of_edges[close] >= options.alike_height * height[k])]
-        around[k] = len(close) / perimeters[k]
+        each = edges.within(ellipse.center[k], reach)
+        is_large = edges.extent[each] >= options.least_alike * 2.0 * ellipse.semi_major[k]
+        each = each[is_large & (of_edges[each] >= options.alike_height * height[k])]
+        close.append(np.setdiff1d(each, own[k], assume_unique=True))
         near[k] = np.linalg.norm(ellipse.center - ellipse.center[k], axis=1) < reach
         near[k] &= (size > options.least_alike * size[k]) & (size < size[k] / options.least_alike)
     odds = options.chance_odds * np.maximum(1.0, (ellipse.semi_minor / options.chance_px) ** 2)
+    left = np.ones(number, np.bool_)
     while True:
-        dropped = np.count_nonzero(near & chance, axis=1)
+        around = np.array([np.count_nonzero(owners[each] == 0) for each in close]) / perimeters
         # Each contour is its own kin.
-        kin = np.count_nonzero(near & ~chance, axis=1)
-        more = may & ~chance & (around + dropped >= np.maximum(options.least_around, odds * kin))
+        kin = np.maximum(np.count_nonzero(near & left, axis=1), 1)
+        # As likely as not where it is 1.
+        ratio = around / np.maximum(options.least_around, odds * kin)
+        most = np.where(may, np.minimum(1.0, options.chance_score / np.maximum(ratio, 1e-9)), 1.0)
+        more = left & (most < options.least_score)
         if not more.any():
-            return chance
-        chance |= more
+            return most
+        left &= ~more
+        for k in np.flatnonzero(more).tolist():
+            owners[own[k]] -= 1
 
 
 def _at(image: Image, points: NDArray[Any]) -> Image:

@@ -16,7 +16,7 @@ import numpy as np
 from circlepose._typing import Image
 from circlepose.camera.camera import Camera
 from circlepose.detection.contour import WANTED_SIGN, Contour, Rejection
-from circlepose.detection.duplicates import inside_others
+from circlepose.detection.duplicates import inside_others, repeats
 from circlepose.geometry.ellipse import Ellipse, rim_distance
 from circlepose.imaging.color_mixes import ColorMix
 from circlepose.imaging.float_levels import without_gaps
@@ -122,6 +122,10 @@ def measure_circles(
         why_not = [why_no_disc(rim, options) for rim in fits.rims]
         if view is not None:
             why_not = _why_not_in_mix(why_not, fits.rims, views_of[0].pixels.whole, target.polarity, options)
+        # Two contours of one rough or blurred rim may become the same rim.
+        used = [i for i, reason in enumerate(why_not) if reason is None]
+        for again in _repeated([fits.rims[i].ellipse for i in used], options):
+            why_not[used[again]] = Rejection.DUPLICATE
         used = [i for i, reason in enumerate(why_not) if reason is None]
         rejected += measured.rejected + Counter(reason for reason in why_not if reason is not None)
         views_of.append(_View(view, pixels, rims, fits, measured.nested, used))
@@ -161,6 +165,13 @@ class _View:
     nested: tuple[tuple[NestedRim, ...], ...]
     used: list[int]
     """the rims that may be circles"""
+
+
+def _repeated(ellipses: Sequence[Ellipse], options: MeasurementOptions) -> list[int]:
+    """Return which of the `ellipses` are the same edge as one before."""
+    if len(ellipses) < 2:
+        return []
+    return repeats(Ellipse.batch(ellipses), np.arange(len(ellipses)), options.detection).tolist()
 
 
 def _why_not_in_mix(

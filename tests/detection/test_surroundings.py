@@ -11,7 +11,7 @@ from circlepose.detection.contour import Rejection
 from circlepose.detection.detect import find_contours
 from circlepose.detection.edges.canny import edge_chains
 from circlepose.detection.options import DEFAULT
-from circlepose.detection.surroundings import Surroundings, by_chance
+from circlepose.detection.surroundings import Surroundings, chance_scores
 from circlepose.geometry.ellipse import Ellipse
 from circlepose.targets.target import AxisIntervals
 from tests.support.shapes import CAMERA, coverage, discs, photographed
@@ -76,7 +76,7 @@ def test_faint_shapes_around_do_not_count():
         image = np.clip(cv2.GaussianBlur(page, (0, 0), 0.8), 0, 255).astype(np.uint8)
         edges = Surroundings.of(edge_chains(image, DEFAULT.shortest_chain), image)
         disc = Ellipse(np.array([[120.0, 120.0]]), np.array([5.0]), np.array([5.0]), np.array([0.0]))
-        assert by_chance(disc, edges).tolist() == [is_dropped]
+        assert bool(chance_scores(disc, edges)[0] < DEFAULT.least_score) is is_dropped
 
 
 def test_more_kin_never_make_a_contour_one_by_chance():
@@ -84,8 +84,8 @@ def test_more_kin_never_make_a_contour_one_by_chance():
     edges = Surroundings.of(edge_chains(image, DEFAULT.shortest_chain), image)
     rng = np.random.default_rng(3)
     center = rng.uniform([250.0, 200.0], [390.0, 280.0], (40, 2))
-    alone = [bool(by_chance(ellipse_at(center[:1]), edges)[0]), bool(by_chance(ellipse_at(center), edges)[0])]
-    assert alone == [True, False]
+    alone, with_kin = chance_scores(ellipse_at(center[:1]), edges)[0], chance_scores(ellipse_at(center), edges)[0]
+    assert alone < DEFAULT.least_score < with_kin
 
 
 def ellipse_at(center):
