@@ -72,32 +72,42 @@ def chosen(found: Candidates, wanted: Wanted) -> Chosen:
         kept = left(kept)
         why_not[repeats(found.ellipse, kept, options)] = REASONS.index(Rejection.DUPLICATE)
         kept = left(kept)
-        if (found.noise_share[kept] > options.noisy_share).any():
-            why_not[_borrowing(found, kept, options)] = REASONS.index(Rejection.WEAK_EDGE)
-            kept = left(kept)
+        repeated, noise = _borrowing(found, kept, wanted)
+        why_not[repeated] = REASONS.index(Rejection.DUPLICATE)
+        why_not[noise] = REASONS.index(Rejection.WEAK_EDGE)
+        kept = left(kept)
         if not wanted.keep_concentric:
             why_not[inside_others(found.ellipse, kept, options)] = REASONS.index(Rejection.INSIDE_ANOTHER)
             kept = left(kept)
     return Chosen(kept.tolist(), {i: REASONS[why_not[i]] for i in ranked.tolist() if why_not[i] >= 0})
 
 
-def _borrowing(found: Candidates, ranked: IntArray, options: DetectionOptions) -> list[int]:
-    """Return which of the candidates `ranked`, most evidence first, are noise but for the edges of rims before them."""
+def _borrowing(found: Candidates, ranked: IntArray, wanted: Wanted) -> tuple[list[int], list[int]]:
+    """Return which of the candidates `ranked`, most evidence first, have their edges from rims before them.
+
+    Those that have most of them from there, and those whose other edges may be noise.
+    """
+    options = wanted.options
     center, reach = found.ellipse.center, found.ellipse.semi_major + options.same_px
     before: list[int] = []
-    borrowing: list[int] = []
+    repeated: list[int] = []
+    noise: list[int] = []
     for i in ranked.tolist():
         apart = np.linalg.norm(center[before] - center[i], axis=1)
-        near = found.ellipse[[k for k, px in zip(before, apart, strict=True) if px < reach[k] + reach[i]]]
-        if len(near) and found.noise_share[i] > options.noisy_share:
+        near = found.ellipse[[k for k, px in zip(before, apart.tolist(), strict=True) if px < reach[k] + reach[i]]]
+        if len(near):
             near_px = max(options.same_px, options.rim_tolerance_sigmas * float(found.noise_px[i]))
             points = np.broadcast_to(found.edges.points[i], (len(near), *found.edges.points[i].shape))
-            is_of_others = (np.abs(rim_distance(near, points)) <= near_px).any(axis=0)
-            if found.is_noise(i, found.on_rim[i] & ~is_of_others, options):
-                borrowing.append(i)
+            is_own = found.on_rim[i] & (np.abs(rim_distance(near, points)) > near_px).all(axis=0)
+            most_shared = 1.0 if wanted.keep_concentric else options.least_shared
+            if np.count_nonzero(is_own) < (1.0 - most_shared) * np.count_nonzero(found.on_rim[i]):
+                repeated.append(i)
+                continue
+            if found.noise_share[i] > options.noisy_share and found.is_noise(i, is_own, options):
+                noise.append(i)
                 continue
         before.append(i)
-    return borrowing
+    return repeated, noise
 
 
 def typical_step(found: Candidates, which: IntArray | list[int]) -> float:

@@ -146,7 +146,7 @@ def _not_by_chance(
     # Noise has edges, too, that count beside a contour hardly higher.
     is_evident |= found.noise_share[kept.kept] > options.most_noise_around
     most = np.ones(len(found.share))
-    most[kept.kept] = chance_scores(own, surroundings, is_evident, options)
+    most[kept.kept] = chance_scores(own, found.score[kept.kept], surroundings, is_evident, options)
     dropped = [i for i in kept.kept if most[i] < options.least_score]
     left = [i for i in kept.kept if i not in dropped]
     return Chosen(left, kept.reasons | dict.fromkeys(dropped, Rejection.BY_CHANCE)), most

@@ -36,11 +36,13 @@ def partial_rim(image: Reduced, start: Ellipse, options: DetectionOptions = DEFA
     return partial_rims(image, start[None], options)[0]
 
 
-def partial_rims(image: Reduced, start: Ellipse, options: DetectionOptions = DEFAULT) -> list[PartialRim | None]:
+def partial_rims(
+    image: Reduced, start: Ellipse, options: DetectionOptions = DEFAULT, *, of_either_sign: bool = False
+) -> list[PartialRim | None]:
     """Fit, near each of the ellipses `start` (batch), the ellipse that most of the edges along it agree on.
 
-    Lengths are px of `image`. Where a thin ellipse starts from one of its sides, or a part of one, its edge leads
-    on to the rest in further rounds.
+    Lengths are px of `image`; for `of_either_sign` see `locate_edges`. Where a thin ellipse starts from one of its
+    sides, or a part of one, its edge leads on to the rest in further rounds.
     """
     last_round = len(options.partial_draws) - 1
     rims: list[PartialRim | None] = [None] * len(start)
@@ -48,7 +50,14 @@ def partial_rims(image: Reduced, start: Ellipse, options: DetectionOptions = DEF
     for turn, draws in enumerate(options.partial_draws):
         if len(which) == 0:
             break
-        edges = edges_along(image.levels, ellipse, options.last_half_width_px, options.samples, quick=True)
+        edges = edges_along(
+            image.levels,
+            ellipse,
+            options.last_half_width_px,
+            options.samples,
+            quick=True,
+            of_either_sign=of_either_sign,
+        )
         usable = edges.valid & (curvature_radius(ellipse, options.samples) >= options.sharpest_px)
         noise_px = edge_noise_px(noise_share(image.noise, edges.step, edges.valid), edges.blur_px)
         near_px = options.partial_near_px + options.partial_near_share * ellipse.semi_major

@@ -277,7 +277,7 @@ class DetectionOptions:
     same_rim_share: float = 0.7
     """share of a candidate's edges that lie on another, from which it is of the same rim; empirical"""
     least_shared: float = 0.5
-    """share of the edges of a rim in part near a rough rim, from which both are of the same edges; empirical"""
+    """share of the edges of a rim that lie on another, from which both are of the same edges; empirical"""
     closer_ratio: float = 0.33
     """distance of the edges from it over that from the rough rim, at most, where something covers the rest: by chance
     1e-5 for a rough rim with 15 independent edges in the part; statistical"""

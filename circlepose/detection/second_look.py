@@ -18,11 +18,12 @@ import numpy as np
 
 from circlepose._batching import joined, rows
 from circlepose._typing import BoolArray, FloatArray, IntArray
-from circlepose.detection.occluded import in_runs, partial_rims
+from circlepose.detection.occluded import PartialRim, in_runs, partial_rims
 from circlepose.detection.options import DEFAULT, DetectionOptions
 from circlepose.detection.verification import Candidates
 from circlepose.geometry.ellipse import Ellipse, rim_distance
 from circlepose.imaging.pyramid import Reduced
+from circlepose.imaging.subpixel_edges import edges_along
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,12 +81,39 @@ def _in_part(
 ) -> Candidates | None:
     """Return the rims near the ellipses `start`, px, on which long runs of edges lie in an image at `scale`."""
     image = full.reduced_to(scale)
+    own = image.ellipse(start)
+    found = partial_rims(image, own, options)
+    # Before a ground of light and dark a rim has edges of either sign.
+    is_open = np.array([rim is None or rim.on_rim.mean() < options.whole_rim for rim in found])
+    mixed = np.flatnonzero(is_open & (own.semi_minor >= options.chance_px))
+    mixed = mixed[_have_both_signs(image, own[mixed], options)]
+    for k, either in zip(mixed.tolist(), partial_rims(image, own[mixed], options, of_either_sign=True), strict=True):
+        if either is not None and _is_fuller(either, found[k], options):
+            found[k] = either
     rims = [
         rim
-        for rim in partial_rims(image, image.ellipse(start), options)
+        for rim in found
         if rim is not None and not _is_explained(rim.edges.points[0][rim.on_rim], image.ellipse(smooth), options)
     ]
     return Candidates.of_partial(image, rims, options) if rims else None
+
+
+def _have_both_signs(image: Reduced, ellipse: Ellipse, options: DetectionOptions) -> BoolArray:
+    """Return (m,) which ellipses, px of `image`, have edges of either sign along a good part of them."""
+    if len(ellipse) == 0:
+        return np.zeros(0, np.bool_)
+    edges = edges_along(
+        image.levels, ellipse, options.last_half_width_px, options.samples, quick=True, of_either_sign=True
+    )
+    other = edges.valid & (edges.step * edges.polarity[:, None] < 0.0)
+    return np.asarray(other.mean(axis=1) >= 1.0 - options.whole_rim)
+
+
+def _is_fuller(either: PartialRim, one: PartialRim | None, options: DetectionOptions) -> bool:
+    """Return whether the edges of `either` sign show the rest of a rim of which those of `one` sign are a part."""
+    share = either.on_rim.mean()
+    more = 0.0 if one is None else one.on_rim.mean() + 1.0 - options.whole_rim
+    return bool(share >= options.least_rim and share > more)
 
 
 def _in_finer(

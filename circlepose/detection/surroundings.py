@@ -54,13 +54,17 @@ class Surroundings:
 
 
 def chance_scores(
-    ellipse: Ellipse, edges: Surroundings, is_evident: BoolArray | None = None, options: DetectionOptions = DEFAULT
+    ellipse: Ellipse,
+    own_scores: FloatArray,
+    edges: Surroundings,
+    is_evident: BoolArray | None = None,
+    options: DetectionOptions = DEFAULT,
 ) -> FloatArray:
     """Return (m,) the largest score that each contour can have beside the `edges` around it that no contour is.
 
     It is `chance_score` for one that is round by chance as likely as not, and falls with what is around. The length
-    of the edges counts, in perimeters of the contour, as those of many shapes may be joined. What has less than the
-    least score is one of these shapes for the others. What `is_evident` (m,) is not round by chance.
+    of the edges counts, in perimeters of the contour, as those of many shapes may be joined. What has less, or less
+    by its `own_scores` (m,), is one of these shapes for the others. What `is_evident` (m,) is not round by chance.
     """
     number = len(ellipse)
     most = np.ones(number)
@@ -74,9 +78,10 @@ def chance_scores(
     height = np.median(_at(heights, ellipse.points(_POINTS)), axis=1)
     of_edges = _at(heights, edges.points)
     own = [edges.within(ellipse.center[k], options.own_semi_majors * ellipse.semi_major[k]) for k in range(number)]
+    left = own_scores >= options.chance_score
     owners = np.zeros(len(edges.points), np.int64)
-    for each in own:
-        owners[each] += 1
+    for k in np.flatnonzero(left).tolist():
+        owners[own[k]] += 1
     close: list[IntArray] = []
     near = np.zeros((number, number), np.bool_)
     for k in range(number):
@@ -88,7 +93,6 @@ def chance_scores(
         near[k] = np.linalg.norm(ellipse.center - ellipse.center[k], axis=1) < reach
         near[k] &= (size > options.least_alike * size[k]) & (size < size[k] / options.least_alike)
     odds = options.chance_odds * np.maximum(1.0, (ellipse.semi_minor / options.chance_px) ** 2)
-    left = np.ones(number, np.bool_)
     while True:
         around = np.array([np.count_nonzero(owners[each] == 0) for each in close]) / perimeters
         # Each contour is its own kin.
@@ -96,7 +100,7 @@ def chance_scores(
         # As likely as not where it is 1.
         ratio = around / np.maximum(options.least_around, odds * kin)
         most = np.where(may, np.minimum(1.0, options.chance_score / np.maximum(ratio, 1e-9)), 1.0)
-        more = left & (most < options.least_score)
+        more = left & (most < options.chance_score)
         if not more.any():
             return most
         left &= ~more

@@ -254,7 +254,7 @@ def _measured(residual: FloatArray, step: FloatArray, which: BoolArray) -> tuple
     """Return (m,) the rms residual, the mean step and the spread of the step as a share of it, where `which`."""
     count = np.maximum(np.count_nonzero(which, axis=1), 1)
     rms_px = np.sqrt(np.sum(np.where(which, residual, 0.0) ** 2, axis=1) / count)
-    mean = np.abs(np.sum(np.where(which, step, 0.0), axis=1)) / count
+    mean = np.sum(np.where(which, np.abs(step), 0.0), axis=1) / count
     spread = np.where(which, np.abs(step) - mean[:, None], 0.0)
     return rms_px, mean, np.sqrt(np.sum(spread**2, axis=1) / count) / np.maximum(mean, 1e-9)
 

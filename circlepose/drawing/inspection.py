@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from string import ascii_lowercase
 
 import numpy as np
 
@@ -67,11 +68,21 @@ def draw_inspection(image: Image, inspection: Inspection, name: str = "") -> Ima
         labels.append(Label(texts, CHOSEN, pen.at(rim)))
     plan = plan_labels(canvas, room, labels, [each * unit for each in _SIZES])
     draw_labels(canvas, plan)
+    room.keep_labels(plan)
+    reasons = Counter(str(reason) for reason in found.refused_why)
+    letters = dict(zip([reason for reason, _ in reasons.most_common()], ascii_lowercase, strict=False))
+    # In the room that the numbers leave.
+    rims = found.refused.points(_RIM_POINTS).reshape(-1, _RIM_POINTS, 2)
+    why = [
+        Label(((letters[str(reason)],),) * len(_SIZES), REJECTED, pen.at(rim))
+        for reason, rim in zip(found.refused_why, rims, strict=True)
+    ]
+    draw_labels(canvas, plan_labels(canvas, room, why, [each * unit for each in _SIZES]))
     many, refused = counted(len(found.contours), "circle"), counted(len(found.refused_why), "contour")
     sentences = [f"{many} found, {refused} rejected after a close look"]
-    reasons = Counter(str(reason) for reason in found.refused_why)
     if reasons:
-        sentences.append("rejected: " + "; ".join(f"{many} {reason}" for reason, many in reasons.most_common()))
+        named = [f"{letters[reason]}: {many} {reason}" for reason, many in reasons.most_common()]
+        sentences.append("rejected: " + "; ".join(named))
     left_out = f"{plan.left_out} of {len(labels)} labels have no room" if plan.left_out else ""
     sentences.append("; ".join(part for part in (remark, left_out) if part))
     label = "number and score" if plan.level < _WITH_SCORE else "number"

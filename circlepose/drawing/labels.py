@@ -88,6 +88,11 @@ class Room:
         """Keep lines through picture points (n, 2) free as far as can be; after all discs."""
         polylines(self.worth, [path / self.cell for path in paths], _ARROW, 3)
 
+    def keep_labels(self, plan: Plan) -> None:
+        """Keep planned labels free."""
+        for each in plan.placed:
+            self.taken[self.cells(np.array([each.box]))[0]] = 1
+
     def cells(self, boxes: FloatArray) -> list[tuple[slice, slice]]:
         """Return the rows and columns that each of `boxes` (n, 4), within the picture, touches."""
         low, high = np.floor(boxes[:, :2] / self.cell), np.ceil(boxes[:, 2:] / self.cell)

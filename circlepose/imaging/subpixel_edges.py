@@ -38,9 +38,9 @@ class RimEdges:
     step: FloatArray
     """(m, k) gray levels, outside minus inside"""
     valid: BoolArray
-    """(m, k) whether there is an edge with the sign of the rim, inside the image and within the half-width"""
+    """(m, k) whether there is an edge with the sign asked for, inside the image and within the half-width"""
     polarity: FloatArray
-    """(m,) +1 the inside is darker, -1 it is brighter"""
+    """(m,) +1 the inside is darker, -1 it is brighter, along most of the rim"""
     blur_px: FloatArray
     """(m,) about the blur of the edges; that of one wider than the profiles is not seen"""
 
@@ -87,7 +87,7 @@ def ellipse_rim(ellipse: Ellipse, number: int) -> tuple[FloatArray, FloatArray, 
 def noise_share(noise: float, step: FloatArray, valid: BoolArray) -> FloatArray:
     """Return (m,) the `noise`, levels, over the mean height of the `valid` edges (m, k)."""
     count = np.maximum(np.count_nonzero(valid, axis=1), 1)
-    return np.asarray(noise / np.maximum(np.abs(np.sum(np.where(valid, step, 0.0), axis=1)) / count, 1e-9))
+    return np.asarray(noise / np.maximum(np.sum(np.where(valid, np.abs(step), 0.0), axis=1) / count, 1e-9))
 
 
 def edge_noise_px(noise_share: FloatArray, blur_px: FloatArray) -> FloatArray:
@@ -100,7 +100,13 @@ def edge_noise_px(noise_share: FloatArray, blur_px: FloatArray) -> FloatArray:
 
 
 def edges_along(
-    grey: Image, ellipse: Ellipse, half_width_px: float, samples: int, *, quick: bool = False
+    grey: Image,
+    ellipse: Ellipse,
+    half_width_px: float,
+    samples: int,
+    *,
+    quick: bool = False,
+    of_either_sign: bool = False,
 ) -> RimEdges:
     """Locate the edges along the rims of ellipses.
 
@@ -116,11 +122,13 @@ def edges_along(
         Samples along each rim.
     quick
         For many rims: levels are rounded, which costs some hundredths of a px.
+    of_either_sign
+        See `locate_edges`.
     """
     points, normals, curvature = ellipse_rim(ellipse, samples)
     # In a small or thin ellipse the search must not reach the other side.
     half_width = np.minimum(half_width_px, np.maximum(0.45 * ellipse.semi_minor + 0.5, 1.0))
-    return locate_edges(grey, points, normals, half_width, curvature, quick=quick)
+    return locate_edges(grey, points, normals, half_width, curvature, quick=quick, of_either_sign=of_either_sign)
 
 
 def contour_normals(points: FloatArray) -> FloatArray:
@@ -150,6 +158,7 @@ def locate_edges(
     curvature: FloatArray | None = None,
     *,
     quick: bool = False,
+    of_either_sign: bool = False,
 ) -> RimEdges:
     """Locate the edge near each predicted rim point.
 
@@ -165,6 +174,8 @@ def locate_edges(
         (m, k) of the predicted rim, 1/px; by default it is computed from the points.
     quick
         Round levels as `quick_profiles` does.
+    of_either_sign
+        Whether edges may be brighter outside in one place and darker in another.
 
     Notes
     -----
@@ -183,6 +194,10 @@ def locate_edges(
     inwards = np.matmul(gradient.sum(axis=1)[:, None, :], near[:, :, None])[:, 0, 0] < 0.0
     polarity = np.where(inwards, -1.0, 1.0)
     gradient[inwards] *= -1.0
+    sign: NDArray[Any] | float = polarity[:, None]
+    if of_either_sign:
+        sign = sign * np.where(np.sum(gradient * near[:, None, :], axis=-1) < 0.0, -1.0, 1.0)
+        gradient *= (sign * polarity[:, None])[..., None]
     rising = np.maximum(gradient, 0.0, out=gradient)
     # Of equal gradients the one nearest to the prediction counts.
     peak = np.argmax(rising * ((0.25 + near) * (near > 0.0))[:, None, :], axis=-1)
@@ -210,7 +225,7 @@ def locate_edges(
     return RimEdges(
         points=points + center[..., None] * normals,
         offset_px=center.astype(np.float64),
-        step=step * polarity[:, None],
+        step=step * sign,
         valid=valid,
         polarity=polarity,
         blur_px=np.sqrt(blur[:, 0]).astype(np.float64),

@@ -78,6 +78,7 @@ def accepted(
     blurred = np.array([blur_px(rims[k]) for k in kept])
     is_near = moved <= np.where(hidden, options.farthest_hidden_px, np.maximum(options.farthest_px, blurred))
     residuals = residuals_px(camera, factors, ellipses, [rims[k].points for k in kept])
+    is_near &= _are_of_edges(residuals, [rims[k] for k in kept], ellipses, np.exp(fit.blur[kept, 0]), options)
     for j, k in enumerate(kept):
         if not found[j]:
             done[k] = Failure(Status.NO_POSE, "the fitted rim lies outside the valid field of the lens model")
@@ -88,6 +89,34 @@ def accepted(
         else:
             done[k] = _fitted_rim(rims[k], fit, k, ellipses[j], residuals[j])
     return done
+
+
+def _are_of_edges(
+    residuals: Sequence[FloatArray],
+    rims: Sequence[Rim],
+    ellipse: Ellipse,
+    blur: FloatArray,
+    options: MeasurementOptions,
+) -> BoolArray:
+    """Return (m,) which fitted rims `ellipse` are those of the edges they began at, not of something beside them.
+
+    `residuals` are those of the edges, px, and `blur` (m,) is that of the fit, px.
+    """
+    # A curved edge is seen too far inside, the more so the wider its blur.
+    bias_px = 0.5 * blur**2 / ellipse.semi_minor
+    most_px = options.farthest_from_edges * np.maximum([_scatter_px(rim, options) for rim in rims], bias_px)
+    scatter_px = np.array([float(np.std(own)) for own in residuals])
+    # Clipped levels shift the edges all alike, by a part of the blur.
+    shift_px = np.abs([float(np.mean(own)) for own in residuals])
+    return np.asarray((scatter_px <= most_px) & (shift_px <= np.maximum(most_px, options.most_shift * blur)))
+
+
+def _scatter_px(rim: Rim, options: MeasurementOptions) -> float:
+    """Return about how far the edges of a rim are from it by themselves."""
+    if rim.contour is None:
+        # Its points need not be edges.
+        return np.inf
+    return max(rim.cone.rms_px, rim.contour.noise_px, options.least_edge_error_px)
 
 
 def _fitted_rim(rim: Rim, fit: LevelsFit, number: int, ellipse: Ellipse, residuals: FloatArray) -> FittedRim:

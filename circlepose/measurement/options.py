@@ -124,6 +124,13 @@ class MeasurementOptions:
     farthest_hidden_px: float = 0.05
     """px; the same where a part of the rim is hidden; empirical"""
 
+    farthest_from_edges: float = 3.0
+    """scatters of the edges about their own ellipse, that they may be from the fitted rim; empirical"""
+    least_edge_error_px: float = 0.1
+    """px; that scatter at least, as edges are biased by so much; empirical"""
+    most_shift: float = 0.5
+    """blurs by which clipping may shift all edges of a rim alike; empirical"""
+
     least_ragged: float = 0.5
     """scatter of the edges over the largest of a smooth rim, from which their residuals give a covariance where the
     levels do not; empirical"""

@@ -76,7 +76,7 @@ def test_faint_shapes_around_do_not_count():
         image = np.clip(cv2.GaussianBlur(page, (0, 0), 0.8), 0, 255).astype(np.uint8)
         edges = Surroundings.of(edge_chains(image, DEFAULT.shortest_chain), image)
         disc = Ellipse(np.array([[120.0, 120.0]]), np.array([5.0]), np.array([5.0]), np.array([0.0]))
-        assert bool(chance_scores(disc, edges)[0] < DEFAULT.least_score) is is_dropped
+        assert bool(chance_scores(disc, np.ones(1), edges)[0] < DEFAULT.least_score) is is_dropped
 
 
 def test_more_kin_never_make_a_contour_one_by_chance():
@@ -84,7 +84,7 @@ def test_more_kin_never_make_a_contour_one_by_chance():
     edges = Surroundings.of(edge_chains(image, DEFAULT.shortest_chain), image)
     rng = np.random.default_rng(3)
     center = rng.uniform([250.0, 200.0], [390.0, 280.0], (40, 2))
-    alone, with_kin = chance_scores(ellipse_at(center[:1]), edges)[0], chance_scores(ellipse_at(center), edges)[0]
+    alone, with_kin = (chance_scores(ellipse_at(each), np.ones(len(each)), edges)[0] for each in (center[:1], center))
     assert alone < DEFAULT.least_score < with_kin
 
 

@@ -41,11 +41,12 @@ def test_labels_of_a_dense_board_do_not_lie_on_each_other(pitch, radius, monkeyp
     image = board(pitch, radius)
     found = inspect(image)
     draw_inspection(image, found)
-    (plan,) = plans
+    plan, why = plans
     assert len(plan.placed) + plan.left_out == len(found.extraction.contours)
+    assert len(why.placed) + why.left_out == len(found.extraction.refused_why)
     has_score = ":" in plan.placed[0].lines[0]
     assert has_score == (pitch > 100)
-    boxes = np.array([each.box for each in plan.placed])
+    boxes = np.array([each.box for each in (*plan.placed, *why.placed)])
     low = np.maximum(boxes[:, None, :2], boxes[None, :, :2])
     high = np.minimum(boxes[:, None, 2:], boxes[None, :, 2:])
     shared = np.prod(np.maximum(high - low, 0.0), axis=-1)
