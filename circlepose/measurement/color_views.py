@@ -101,23 +101,20 @@ def measure_circles(
         As of `fit_levels`.
     """
     views_of: list[_View] = []
-    contours: list[Contour] = []
-    noise = []
-    rejected: Counter[Rejection] = Counter()
-    for view in views:
+
+    def measured(view: ColorMix | None, count: int | None) -> _View:
         pixels = pixels_in(channels, view)
-        measured = measure_lone_circles(
+        found = measure_lone_circles(
             pixels.whole,
             camera,
-            target if view is None else replace(target, polarity="any"),
+            replace(target, count=count, polarity=target.polarity if view is None else "any"),
             intervals,
             extraction=extraction,
             refine=refine,
             are_starts=are_starts,
             options=options,
         )
-        contours += measured.contours
-        rims = measured.rims if view is None else tuple(_named(rim, view) for rim in measured.rims)
+        rims = found.rims if view is None else tuple(_named(rim, view) for rim in found.rims)
         pixels, fits = fit_rims_in(pixels, camera, rims, refine=refine, keep_fits=keep_fits, options=options)
         why_not = [why_no_disc(rim, options) for rim in fits.rims]
         if view is not None:
@@ -127,9 +124,20 @@ def measure_circles(
         for again in _repeated([fits.rims[i].ellipse for i in used], options):
             why_not[used[again]] = Rejection.DUPLICATE
         used = [i for i, reason in enumerate(why_not) if reason is None]
-        rejected += measured.rejected + Counter(reason for reason in why_not if reason is not None)
-        views_of.append(_View(view, pixels, rims, fits, measured.nested, used))
-        noise.append(noise_of(pixels.whole) if len(views) > 1 else 1.0)
+        rejected = found.rejected + Counter(reason for reason in why_not if reason is not None)
+        if target.count is not None:
+            rejected[Rejection.BEYOND_COUNT] += len(used[target.count :])
+        return _View(view, found.contours, pixels, rims, fits, found.nested, used[: target.count], rejected)
+
+    for view in views:
+        own = measured(view, target.count)
+        if target.count is not None and len(own.used) < min(target.count, len(own.rims)):
+            # What is no disc after all must not stand for one that is.
+            own = measured(view, None)
+        views_of.append(own)
+    noise = [noise_of(each.pixels.whole) if len(views) > 1 else 1.0 for each in views_of]
+    contours = [contour for each in views_of for contour in each.contours]
+    rejected = sum((each.rejected for each in views_of), Counter[Rejection]())
     chosen = [(0, i) for i in views_of[0].used]
     if len(views) > 1:
         ranking, again = ranked(
@@ -158,13 +166,16 @@ class _View:
     """What was measured in one view."""
 
     mix: ColorMix | None
+    contours: tuple[Contour, ...]
+    """those that detection kept"""
     pixels: UsablePixels
     rims: tuple[Rim, ...]
     """before their fit to the levels"""
     fits: LevelFits
     nested: tuple[tuple[NestedRim, ...], ...]
     used: list[int]
-    """the rims that may be circles"""
+    """the rims that may be circles, as many as asked for"""
+    rejected: Counter[Rejection]
 
 
 def _repeated(ellipses: Sequence[Ellipse], options: MeasurementOptions) -> list[int]:

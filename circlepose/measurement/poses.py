@@ -249,7 +249,9 @@ def _is_poor(rim: Rim, options: MeasurementOptions) -> bool:
     """Whether the edges of a rim depart from its ellipse by more than noise explains."""
     if rim.contour is None:
         return rim.cone.rms_px > options.poor_fit_px
-    return rim.contour.ragged > 1.0 or rim.cone.rms_px > np.hypot(options.poor_fit_px, rim.contour.noise_px)
+    # Blur shifts the edges of a reduced image all alike.
+    scatter_px = rim.cone.rms_px if rim.contour.blur_px == 0.0 else float(np.std(rim.cone.residuals_px))
+    return rim.contour.ragged > 1.0 or scatter_px > np.hypot(options.poor_fit_px, rim.contour.noise_px)
 
 
 def _flags(rim: Rim, axis_ratio: float, options: MeasurementOptions) -> dict[Flag, bool]:

@@ -119,3 +119,13 @@ def test_what_a_low_score_takes_is_flagged_doubtful():
     assert circle.score is not None
     assert circle.score < 0.32
     assert Flag.DOUBTFUL in circle.flags
+
+
+def test_what_proves_no_disc_does_not_stand_for_one():
+    # Of the small one the blur leaves a blob.
+    large, small = discs([(200.0, 240.0)], 60.0)[0], discs([(480.0, 240.0)], 14.0)[0]
+    for contrast in (76.0, 133.0):
+        image = photographed(230.0 - contrast * coverage([large], 60.0) - 190.0 * coverage([small], 14.0), 11.0, 2.0)
+        one = circlepose.estimate(image, CAMERA, circlepose.Target.circle(RADIUS_MM))
+        assert one.status == "ok"
+        assert np.linalg.norm(one.circles[0].ellipse.center - large.place) < 3.0
