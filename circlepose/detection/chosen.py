@@ -97,8 +97,8 @@ def _borrowing(found: Candidates, ranked: IntArray, wanted: Wanted) -> tuple[lis
         near = found.ellipse[[k for k, px in zip(before, apart.tolist(), strict=True) if px < reach[k] + reach[i]]]
         if len(near):
             near_px = max(options.same_px, options.rim_tolerance_sigmas * float(found.noise_px[i]))
-            points = np.broadcast_to(found.edges.points[i], (len(near), *found.edges.points[i].shape))
-            is_own = found.on_rim[i] & (np.abs(rim_distance(near, points)) > near_px).all(axis=0)
+            distance = np.abs(rim_distance(near, found.edges.points[i]))
+            is_own = found.on_rim[i] & (distance > near_px).all(axis=0)
             most_shared = 1.0 if wanted.keep_concentric else options.least_shared
             if np.count_nonzero(is_own) < (1.0 - most_shared) * np.count_nonzero(found.on_rim[i]):
                 repeated.append(i)

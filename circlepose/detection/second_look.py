@@ -173,7 +173,7 @@ def _lies_on(candidates: Candidates, i: int, ellipse: Ellipse, options: Detectio
     points = candidates.edges.points[i][candidates.on_rim[i]]
     if len(ellipse) == 0 or len(points) == 0:
         return np.zeros(len(ellipse), np.bool_)
-    distance = np.abs(rim_distance(ellipse, np.broadcast_to(points, (len(ellipse), *points.shape))))
+    distance = np.abs(rim_distance(ellipse, points))
     return np.asarray(np.mean(distance < options.same_px * candidates.scale[i], axis=1) >= options.same_rim_share)
 
 
@@ -197,5 +197,5 @@ def _is_explained(points: FloatArray, whole: Ellipse, options: DetectionOptions)
     near = whole[np.all((whole.center > low - reach) & (whole.center < high + reach), axis=1)]
     if len(near) == 0:
         return False
-    distance = np.abs(rim_distance(near, np.broadcast_to(points, (len(near), *points.shape))))
+    distance = np.abs(rim_distance(near, points))
     return bool((distance < options.explained_px).any(axis=0).mean() > options.most_explained)

@@ -56,7 +56,8 @@ def draw_inspection(image: Image, inspection: Inspection, name: str = "") -> Ima
     canvas, enlargement = enlarged(shown, float(np.median(axes)) if axes else np.inf)
     unit = unit_of(canvas)
     pen, room = Pen(canvas, enlargement, unit), Room.of(canvas, unit)
-    for rim in found.refused.points(_RIM_POINTS).reshape(-1, _RIM_POINTS, 2):
+    refused_rims = found.refused.points(_RIM_POINTS).reshape(-1, _RIM_POINTS, 2)
+    for rim in refused_rims:
         pen.hairline(rim, REJECTED, closed=True)
     labels = []
     for number, contour in enumerate(found.contours):
@@ -66,18 +67,18 @@ def draw_inspection(image: Image, inspection: Inspection, name: str = "") -> Ima
         full, short = (f"{number}: {contour.score:.2f}",), (str(number),)
         texts = (full,) * _WITH_SCORE + (short,) * (len(_SIZES) - _WITH_SCORE)
         labels.append(Label(texts, CHOSEN, pen.at(rim)))
-    plan = plan_labels(canvas, room, labels, [each * unit for each in _SIZES])
+    sizes = [each * unit for each in _SIZES]
+    plan = plan_labels(canvas, room, labels, sizes)
     draw_labels(canvas, plan)
     room.keep_labels(plan)
     reasons = Counter(str(reason) for reason in found.refused_why)
     letters = dict(zip([reason for reason, _ in reasons.most_common()], ascii_lowercase, strict=False))
     # In the room that the numbers leave.
-    rims = found.refused.points(_RIM_POINTS).reshape(-1, _RIM_POINTS, 2)
     why = [
         Label(((letters[str(reason)],),) * len(_SIZES), REJECTED, pen.at(rim))
-        for reason, rim in zip(found.refused_why, rims, strict=True)
+        for reason, rim in zip(found.refused_why, refused_rims, strict=True)
     ]
-    draw_labels(canvas, plan_labels(canvas, room, why, [each * unit for each in _SIZES]))
+    draw_labels(canvas, plan_labels(canvas, room, why, sizes))
     many, refused = counted(len(found.contours), "circle"), counted(len(found.refused_why), "contour")
     sentences = [f"{many} found, {refused} rejected after a close look"]
     if reasons:

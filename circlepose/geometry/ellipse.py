@@ -226,7 +226,7 @@ def rim_distance(ellipse: Ellipse, points: FloatArray) -> FloatArray:
     ellipse
         (...) with semi-axes that are not 0.
     points
-        (..., n, 2) in the same plane unit.
+        (..., n, 2) in the same plane unit; (n, 2) are the same for each ellipse.
 
     Returns
     -------

@@ -273,9 +273,8 @@ def _is_one_of(contour: Contour, others: Ellipse, options: MeasurementOptions, *
     Half of it or more runs along the other rim; or, of about the same size, each has the other's center well inside:
     an opaque disc and its shadow, or its bright side.
     """
-    points = np.broadcast_to(contour.points, (len(others), *contour.points.shape))
     near = np.maximum(options.detection.same_px, options.detection.same_share * others.semi_major)[:, None]
-    along = np.mean(np.abs(rim_distance(others, points)) < near, axis=1) >= options.same_rim_share
+    along = np.mean(np.abs(rim_distance(others, contour.points)) < near, axis=1) >= options.same_rim_share
     apart = np.linalg.norm(others.center - contour.ellipse.center, axis=1)
     minor, other = float(contour.ellipse.semi_minor), others.semi_minor
     overlap = apart < options.same_overlap_share * np.minimum(minor, other)

@@ -88,7 +88,7 @@ def bulging(arcs: Arcs, options: EdgeOptions = DEFAULT) -> BoolArray:
 def _also_on(ellipse: Ellipse, samples: FloatArray, options: EdgeOptions) -> BoolArray:
     """Return (f, m) which arcs, by `samples` (m, k, 2), lie on the ellipses of pairs, roughly."""
     few = samples[:, :: SAMPLES // 4].reshape(-1, 2)
-    distance = np.abs(rim_distance(ellipse, np.broadcast_to(few, (len(ellipse), *few.shape))))
+    distance = np.abs(rim_distance(ellipse, few))
     near = np.maximum(options.group_px, options.group_share * ellipse.semi_major)[:, None]
     return np.asarray(distance.reshape(len(ellipse), len(samples), -1).max(axis=2) < near)
 
