@@ -36,9 +36,10 @@ from circlepose.results import CircleResult, Flag
 Maker = Callable[[np.random.Generator], Image]
 FAMILIES: dict[str, dict[str, tuple[int, Maker]]] = {
     "noise": {
-        "white": (20, grounds.white),
-        "1/f": (15, grounds.pink),
-        "JPEG of noise": (15, grounds.noise_jpeg),
+        "white": (15, grounds.white),
+        "1/f": (10, grounds.pink),
+        "JPEG of noise": (10, grounds.noise_jpeg),
+        "JPEG of faint noise": (15, grounds.faint_noise_jpeg),
         "salt and pepper": (10, grounds.salt_and_pepper),
     },
     "textures": {

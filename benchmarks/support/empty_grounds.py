@@ -76,6 +76,12 @@ def noise_jpeg(generator: np.random.Generator) -> Image:
     )
 
 
+def faint_noise_jpeg(generator: np.random.Generator) -> Image:
+    """Return noise of which compression leaves smooth blobs of a few levels."""
+    levels = generator.uniform(60.0, 200.0) + generator.uniform(0.5, 4.0) * generator.standard_normal(SIZE[::-1])
+    return as_jpeg(eight_bit(levels), int(generator.integers(50, 86)))
+
+
 def salt_and_pepper(generator: np.random.Generator) -> Image:
     levels = 120.0 + 2.0 * generator.standard_normal(SIZE[::-1])
     chance = generator.random(levels.shape)

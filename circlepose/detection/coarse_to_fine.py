@@ -65,7 +65,7 @@ def search(
     -------
     What was found, and how many hypotheses were rejected for which reason.
     """
-    options, enough = wanted.options, wanted.enough
+    options, enough, asked = wanted.options, wanted.enough, wanted.options.asked_score or 0.0
     state, rejected = Search(), Counter[Rejection]()
     # Of rings the other side of a wall may be so close to a known rim that only the full image shows both.
     may_pass_over = not wanted.keep_concentric and extraction == EXTRACTIONS[0]
@@ -99,7 +99,8 @@ def search(
         if may_end and state.found is not None and images[level].size >= options.least_pixels:
             # No circle that is missed at this scale has more evidence.
             most = np.pi * options.certain_px * 2.0**level * range_
-            if least_evident(state.found, whole(state.found, state.chosen, options), enough) > most:
+            sure = [i for i in whole(state.found, state.chosen, options) if state.found.score[i] >= asked]
+            if least_evident(state.found, sure, enough) > most:
                 break
     return state, rejected
 

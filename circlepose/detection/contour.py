@@ -39,6 +39,7 @@ class Rejection(StrEnum):
     BEYOND_COUNT = "more than --count, with less evidence"
     NOT_IN_TARGET = "belongs to no complete target"
     RESIDUAL = "edges farther from an ellipse than --max-residual-px"
+    LOW_SCORE = "score below --min-score"
     TOO_SMALL = "smaller than is looked for"
     BUDGET = "not tried again: more doubtful contours than the time for one image allows"
 

@@ -7,7 +7,8 @@ dropped (`surroundings`).
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections import Counter
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,7 +26,7 @@ from circlepose.detection.options import DEFAULT, DetectionOptions
 from circlepose.detection.second_look import second_look
 from circlepose.detection.surroundings import Surroundings, chance_scores
 from circlepose.detection.verification import Candidates
-from circlepose.geometry.ellipse import NO_ELLIPSES, Ellipse
+from circlepose.geometry.ellipse import NO_ELLIPSES, Ellipse, rim_distance
 from circlepose.imaging.pyramid import Reduced, pyramid
 from circlepose.imaging.stretch import COARSE, in_edge_levels
 from circlepose.targets import Polarity
@@ -74,22 +75,27 @@ def find_contours(
     least_step = options.least_step_share * min(range_, COARSE * size) + 1e-9
     wanted = Wanted(intervals, polarity, keep_concentric, enough, least_step, options)
     has_length = intervals.major_px is not None
-    state, rejected = search(full, images, range_, wanted, extraction, lines=has_length)
-    kept, contours = state.chosen, list[Contour]()
-    if state.found is not None:
-        found, kept, untried = _seen_in_part(full, state.found, state, wanted)
-        rejected[Rejection.BUDGET] += untried
-        most = np.ones(len(found.share))
-        if state.surroundings is not None:
-            kept, most = _not_by_chance(full, found, kept, state.surroundings, options)
-        rejected.update(kept.reasons.values())
-        contours = _contours(found, kept, most, options)
-    others = NO_ELLIPSES if state.found is None else found.ellipse[kept.kept]
-    refused = NO_ELLIPSES if state.found is None else found.ellipse[list(kept.reasons)]
+    seen = _found(full, images, range_, wanted, extraction)
+    contours, rejected = seen.contours, seen.rejected
     # Where round things are there by chance, lines are, too.
     is_missing = len(contours) < (int(not keep_concentric) if enough is None else enough)
-    if slivers_wanted(wanted) or (is_missing and not rejected[Rejection.BY_CHANCE]):
-        thin = list(state.thin) if has_length else _lines(images, intervals, others, extraction, options)
+    wants_slivers = slivers_wanted(wanted) or (is_missing and not rejected[Rejection.BY_CHANCE])
+    thin = list(seen.search.thin)
+    if wants_slivers and not has_length:
+        thin = _lines(images, intervals, seen.ellipse, extraction, options)
+    asked = options.asked_score
+    if asked is not None and asked < options.least_score:
+        # All that any lower score takes is found in one way, so that less asked for takes more.
+        seen = _found(full, images, range_, replace(wanted, options=options.lenient), extraction, options)
+        contours, rejected = contours + _unlike(seen.contours, contours, options), seen.rejected
+    refused, refused_why = seen.refused, seen.refused_why
+    if asked is not None:
+        least = asked * (options.ring_leniency if keep_concentric else 1.0)
+        low = Ellipse.batch([contour.ellipse for contour in contours if contour.score < least])
+        contours = [contour for contour in contours if contour.score >= least]
+        rejected[Rejection.LOW_SCORE] += len(low)
+        refused, refused_why = joined([low, refused]), (Rejection.LOW_SCORE,) * len(low) + refused_why
+    if wants_slivers:
         slivers, dropped = find_slivers(own, _distinct(thin), intervals, polarity, options)
         rejected.update(dropped)
         contours = slivers + _apart_from(contours, slivers, options)
@@ -97,8 +103,54 @@ def find_contours(
         contours=tuple(sorted(contours, key=lambda c: -c.evidence)),
         rejected=rejected,
         refused=refused,
+        refused_why=refused_why,
+        is_complete=seen.search.is_complete,
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Found:
+    """The contours that pass the bounds, and what does not."""
+
+    search: Search
+    contours: list[Contour]
+    ellipse: Ellipse
+    """(batch) theirs"""
+    rejected: Counter[Rejection]
+    refused: Ellipse
+    """(batch) those rejected after the edges along them were located, most evidence first"""
+    refused_why: tuple[Rejection, ...]
+
+
+def _found(
+    full: Reduced,
+    images: list[Image],
+    range_: float,
+    wanted: Wanted,
+    extraction: str,
+    usual: DetectionOptions | None = None,
+) -> _Found:
+    """Search the `images` for contours. What is outside of the `usual` bounds is scored in proportion to them."""
+    options = wanted.options
+    state, rejected = search(full, images, range_, wanted, extraction, lines=wanted.intervals.major_px is not None)
+    if state.found is None:
+        return _Found(state, [], NO_ELLIPSES, rejected, NO_ELLIPSES, ())
+    found, kept, untried = _seen_in_part(full, state.found, state, wanted)
+    rejected[Rejection.BUDGET] += untried
+    most = np.ones(len(found.share))
+    if state.surroundings is not None:
+        kept, most = _not_by_chance(full, found, kept, state.surroundings, options)
+    if usual is not None:
+        # What the usual bounds do not admit is doubtful, whatever its score.
+        most = np.minimum(most, np.nextafter(usual.least_score, 0.0) * found.share_of_bounds(usual))
+    rejected.update(kept.reasons.values())
+    return _Found(
+        search=state,
+        contours=_contours(found, kept, most, options),
+        ellipse=found.ellipse[kept.kept],
+        rejected=rejected,
+        refused=found.ellipse[list(kept.reasons)],
         refused_why=tuple(kept.reasons.values()),
-        is_complete=state.is_complete,
     )
 
 
@@ -162,6 +214,19 @@ def _contours(found: Candidates, kept: Chosen, most: FloatArray, options: Detect
         score = min(contour.score, float(most[i]))
         contours.append(replace(contour, score=score, nested=tuple(found.contour(k) for k in nested.get(i, ()))))
     return contours
+
+
+def _unlike(doubtful: list[Contour], sure: list[Contour], options: DetectionOptions) -> list[Contour]:
+    """Return those of the `doubtful` contours that do not have most of their edges from rims of the `sure` ones."""
+    if not sure:
+        return doubtful
+    rims = Ellipse.batch([contour.ellipse for contour in sure])
+
+    def shared(contour: Contour) -> float:
+        apart = np.abs(rim_distance(rims, contour.points))
+        return float(np.mean((apart <= options.same_px).any(axis=0)))
+
+    return [contour for contour in doubtful if shared(contour) < options.least_shared]
 
 
 def _distinct(thin: list[Ellipse]) -> Ellipse:

@@ -59,7 +59,7 @@ def partial_rims(
             of_either_sign=of_either_sign,
         )
         usable = edges.valid & (curvature_radius(ellipse, options.samples) >= options.sharpest_px)
-        noise_px = edge_noise_px(noise_share(image.noise, edges.step, edges.valid), edges.blur_px)
+        noise_px = edge_noise_px(noise_share(image.seen_noise, edges.step, edges.valid), edges.blur_px)
         near_px = options.partial_near_px + options.partial_near_share * ellipse.semi_major
         near_px = np.maximum(near_px, options.rim_tolerance_sigmas * noise_px)
         alive = np.count_nonzero(usable, axis=1) >= options.least_run_samples

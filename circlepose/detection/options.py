@@ -173,6 +173,8 @@ class DetectionOptions:
     noise_sigmas: float = 6.0
     """standard deviations above it, from which an edge is not noise: 1e-9 for each ellipse that is tried, so 1e-5 for
     an image with ten thousand of them; statistical"""
+    block_px: float = 8.0
+    """px; length over which levels err alike where no noise is seen, the block of JPEG and of video; exact"""
     least_corners: int = 3
     """corners of the polygons that are told from circles, at least; exact"""
     most_corners: int = 16
@@ -197,6 +199,8 @@ class DetectionOptions:
     """px; rms distance from the ellipse that halves the evidence; empirical"""
     least_score: float = 0.32
     """least score of a contour, 0 to 1: its quality times the share of its rim; empirical"""
+    asked_score: float | None = None
+    """the same that a caller asks for, of all that is found; None for the least; exact"""
     ring_leniency: float = 0.5
     """factor on both for the rims of rings, which are checked against each other later; empirical"""
     hopeless_quality: float = 0.15
@@ -363,21 +367,20 @@ class DetectionOptions:
     """largest excess of the residuals along a sliver over noise; empirical"""
 
     def with_least_score(self, score: float | None) -> Self:
-        """Return the numbers with the least score (0 to 1) of a contour replaced; None leaves it.
+        """Return the numbers with the least score (0 to 1) of a contour that is asked for; None leaves it."""
+        return self if score is None else replace(self, asked_score=score)
 
-        The bounds on its two factors, the quality and the share of the rim, are lowered with it.
-        """
-        if score is None:
-            return self
-        lower = min(score / self.least_score, 1.0) if self.least_score > 0.0 else 1.0
+    @property
+    def lenient(self) -> Self:
+        """The numbers without bounds on the score and its two factors, the quality and the share of the rim."""
         return replace(
             self,
-            least_score=score,
-            least_quality=lower * self.least_quality,
-            hopeless_quality=lower * self.hopeless_quality,
-            hopeless_partial_quality=lower * self.hopeless_partial_quality,
-            least_rim=lower * self.least_rim,
-            clean_rim=lower * self.clean_rim,
+            least_score=0.0,
+            least_quality=0.0,
+            hopeless_quality=0.0,
+            hopeless_partial_quality=0.0,
+            least_rim=0.0,
+            clean_rim=0.0,
         )
 
 

@@ -15,6 +15,7 @@ from circlepose.detection.occluded import PartialRim
 from circlepose.detection.options import DEFAULT, DetectionOptions
 from circlepose.detection.polygons import are_polygons
 from circlepose.geometry.ellipse import Ellipse, rim_distance
+from circlepose.imaging.noise import LEAST_NOISE
 from circlepose.imaging.pyramid import Reduced
 from circlepose.imaging.subpixel_edges import STEP_NOISE, RimEdges, edge_noise_px, noise_share
 from circlepose.photometry.thin.fit import are_thin
@@ -54,6 +55,8 @@ class Candidates:
     """(m,) noise of the image in which the edges were located, over the height of the edge"""
     scale: FloatArray
     """(m,) px of the full image in one px of that image"""
+    alike_px: FloatArray
+    """(m,) length over which levels err alike, px of the full image"""
     is_polygon: BoolArray
     """(m,) whether the edge has corners at equal angles"""
     is_hollow: BoolArray
@@ -76,7 +79,9 @@ class Candidates:
         """
         residual = rim_distance(ellipse, edges.points)
         share_of_noise = noise_share(image.noise, edges.step, edges.valid)
-        noise_px = edge_noise_px(share_of_noise, edges.blur_px)
+        # Only noise that is seen excuses an edge: compression leaves smooth blobs of a few levels and no noise.
+        seen_share = noise_share(image.seen_noise, edges.step, edges.valid)
+        noise_px = edge_noise_px(seen_share, edges.blur_px)
         tolerance = np.maximum(options.rim_tolerance_px, options.rim_tolerance_share * ellipse.semi_major)
         tolerance = np.maximum(tolerance, options.rim_tolerance_sigmas * noise_px)[:, None]
         which = edges.valid & (np.abs(residual) <= tolerance) if on_rim is None else on_rim
@@ -85,9 +90,10 @@ class Candidates:
         close = edges.valid & (residual > 0.0) & (residual <= options.close_px) & ~which
         beside = close.sum(axis=1) / np.maximum((~which).sum(axis=1), 1)
         rms_px, step, uneven = _measured(residual, edges.step, which)
-        stray_px, uneven = _beyond(rms_px, noise_px), _beyond(uneven, STEP_NOISE * share_of_noise)
+        stray_px, uneven = _beyond(rms_px, noise_px), _beyond(uneven, STEP_NOISE * seen_share)
         full = image.full(ellipse)
         perimeter = np.pi * (full.semi_major + full.semi_minor)
+        alike_px = image.scale if image.seen_noise >= LEAST_NOISE else max(image.scale, options.block_px)
         return cls(
             ellipse=full,
             edges=edges.in_full_size(image.scale),
@@ -103,6 +109,7 @@ class Candidates:
             evidence=share * perimeter * step / (1.0 + (stray_px / options.evidence_rms_px) ** 2),
             noise_share=share_of_noise,
             scale=np.full(len(share), float(image.scale)),
+            alike_px=np.full(len(share), float(alike_px)),
             is_polygon=_are_polygons(ellipse, residual, which, edges, options),
             is_hollow=are_hollow(image, ellipse, edges, which, options),
             is_wide=are_wide(image, ellipse, edges, step, options),
@@ -159,17 +166,22 @@ class Candidates:
         """(m,) see `Contour.score`."""
         return self.share * self.quality * (1.0 - self.beside)
 
+    def share_of_bounds(self, options: DetectionOptions) -> FloatArray:
+        """Return (m,) the least of 1, the share of the rim over its bound, and the quality over its."""
+        over = np.minimum(self.share / self._least_rim(options), self.quality / options.least_quality)
+        return np.minimum(over, 1.0)
+
     def _may_be_noise(self, options: DetectionOptions) -> BoolArray:
         """Return (m,) which edges are no higher than the highest that noise alone shows along an ellipse."""
-        length = self.share * np.pi * (self.ellipse.semi_major + self.ellipse.semi_minor) / self.scale
+        length = self.share * np.pi * (self.ellipse.semi_major + self.ellipse.semi_minor) / self.alike_px
         return self.noise_share * _by_noise(length, options) > 1.0
 
     def is_noise(self, i: int, which: BoolArray, options: DetectionOptions) -> bool:
         """Return whether the edges `which` (k,) of candidate i are no higher than noise."""
         count = np.count_nonzero(which)
-        perimeter = np.pi * (self.ellipse.semi_major[i] + self.ellipse.semi_minor[i]) / self.scale[i]
+        perimeter = np.pi * (self.ellipse.semi_major[i] + self.ellipse.semi_minor[i]) / self.alike_px[i]
         by_noise = self.noise_share[i] * self.step[i] * _by_noise(perimeter * count / len(which), options)
-        return bool(by_noise * count > np.abs(self.edges.step[i][which].sum()))
+        return bool(by_noise * count > np.abs(self.edges.step[i][which]).sum())
 
     def _least_rim(self, options: DetectionOptions) -> FloatArray:
         whole = np.where(self.ragged < options.half_ragged, options.least_rim, options.clean_rim)
@@ -215,13 +227,13 @@ def are_hopeless(
 
     From the `residual` (m, k), px of `image`, of the `edges` `on_rim` (m, k).
     """
-    share_of_noise = noise_share(image.noise, edges.step, edges.valid)
+    seen_share = noise_share(image.seen_noise, edges.step, edges.valid)
     rms_px, _, uneven = _measured(residual, edges.step, on_rim)
-    stray_px = _beyond(rms_px, edge_noise_px(share_of_noise, edges.blur_px))
+    stray_px = _beyond(rms_px, edge_noise_px(seen_share, edges.blur_px))
     is_whole = on_rim.mean(axis=1) >= options.whole_rim
     least = np.where(is_whole, options.hopeless_quality, options.hopeless_partial_quality)
     return np.asarray(
-        _quality(ellipse.semi_minor, stray_px, _beyond(uneven, STEP_NOISE * share_of_noise), options) < least
+        _quality(ellipse.semi_minor, stray_px, _beyond(uneven, STEP_NOISE * seen_share), options) < least
     )
 
 
@@ -272,9 +284,9 @@ def _quality(semi_minor: FloatArray, rms_px: FloatArray, uneven: FloatArray, opt
     )
 
 
-def _by_noise(length_px: FloatArray, options: DetectionOptions) -> FloatArray:
-    """Return the greatest height of edges by noise, over the noise, along `length_px` (m,) of an ellipse."""
-    return options.noise_step + options.noise_sigmas * options.noise_step_scatter / np.sqrt(length_px + 1e-9)
+def _by_noise(number: FloatArray, options: DetectionOptions) -> FloatArray:
+    """Return the greatest height of edges by noise, over the noise, on an ellipse with `number` (m,) of noises."""
+    return options.noise_step + options.noise_sigmas * options.noise_step_scatter / np.sqrt(number + 1e-9)
 
 
 def _holds(length_px: FloatArray, interval: tuple[float, float] | None) -> BoolArray:

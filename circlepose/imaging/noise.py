@@ -8,13 +8,13 @@ from circlepose._typing import Image
 
 _NOISE_ROWS, _NOISE_COLUMNS = 64, 128
 """Rows and columns of the image from which its noise is estimated."""
-_LEAST_NOISE = 0.5
+LEAST_NOISE = 0.5
 """Gray levels; about the rounding to whole levels."""
 _PER_BEND = 1.4826 / float(np.sqrt(1.5))
 """Standard deviation of white noise over the median of its absolute second differences."""
 
 
-def noise_of(gray: Image, *, least: float = _LEAST_NOISE) -> float:
+def noise_of(gray: Image, *, least: float = LEAST_NOISE) -> float:
     """Return about the standard deviation of the noise of `gray` (h, w), at `least` that many levels.
 
     From the second differences of neighbors in sampled rows; by their median, so that edges do not count. NaN, where

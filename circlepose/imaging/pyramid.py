@@ -9,7 +9,7 @@ import numpy as np
 
 from circlepose._typing import FloatArray, Image
 from circlepose.geometry.ellipse import Ellipse
-from circlepose.imaging.noise import noise_of
+from circlepose.imaging.noise import LEAST_NOISE, noise_of
 
 _COARSEST_PIXELS = 15_000.0
 """About how many pixels the coarsest image has: large circles are found in it at hardly any cost; cost."""
@@ -80,9 +80,14 @@ class Reduced:
         return Ellipse(to_full_size(own.center, scale), own.semi_major * scale, own.semi_minor * scale, own.angle)
 
     @cached_property
+    def seen_noise(self) -> float:
+        """About the standard deviation of the noise, levels; 0 where most pixels are as their neighbors."""
+        return noise_of(self.levels, least=0.0)
+
+    @cached_property
     def noise(self) -> float:
-        """About the standard deviation of the noise, levels."""
-        return noise_of(self.levels)
+        """The same, or that of rounding if it is more: what may be noise."""
+        return max(self.seen_noise, LEAST_NOISE)
 
     @cached_property
     def half(self) -> Reduced:

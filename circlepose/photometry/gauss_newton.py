@@ -163,8 +163,10 @@ def gauss_newton(
             break
         some = bands if len(which) == len(every) else rows(bands, which)
         moved_to = _moved(factors[which], blur[which], step[which], options)
-        trial = Linearization.of(some, *moved_to, edge_spread, texture_order=start.texture_order)
-        new_levels, new_equations, new_cost = evaluate(trial, which)
+        # A step too far may overflow: it has no cost, and is not taken.
+        with np.errstate(over="ignore", invalid="ignore"):
+            trial = Linearization.of(some, *moved_to, edge_spread, texture_order=start.texture_order)
+            new_levels, new_equations, new_cost = evaluate(trial, which)
         better = new_cost <= cost[which]
         raised = np.maximum(damping[which] * options.damping_increase, options.least_raised_damping)
         damping[which] = np.where(better, damping[which] * options.damping_decrease, raised)

@@ -98,3 +98,11 @@ def test_the_number_of_hypotheses_has_a_limit(monkeypatch):
     find_contours(IMAGES["leaves"], AxisIntervals(major_px=(20.0, 400.0)))
     assert max(seen) > 20
     assert max(seen) <= DEFAULT.edges.most_arcs
+
+
+@pytest.mark.parametrize(("sigma", "quality"), [(1.0, 80), (1.5, 70), (2.0, 60), (3.0, 40)])
+def test_what_compression_leaves_of_noise_is_no_circle(sigma, quality):
+    """It leaves smooth blobs of 1 to 6 levels, 8 px across, and no noise that excuses an edge."""
+    levels = 180.0 + np.random.default_rng(0).normal(0.0, sigma, (HEIGHT, WIDTH))
+    stored = cv2.imencode(".jpg", np.round(levels).astype(np.uint8), [cv2.IMWRITE_JPEG_QUALITY, quality])[1]
+    assert not find_contours(cv2.imdecode(stored, cv2.IMREAD_GRAYSCALE), AxisIntervals()).contours

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import cv2
 import numpy as np
 import pytest
@@ -101,3 +103,16 @@ def test_a_page_of_text_names_what_was_dropped_and_a_lower_score_takes_it():
     assert "round by chance" in result.reason
     lenient = circlepose.estimate(page, CAMERA, circlepose.Target.circle(1.0, count="all"), min_score=0.0)
     assert len(lenient.circles) >= 20
+
+
+def test_a_lower_least_score_adds_contours_and_changes_none():
+    page = photographed(text(40, 470), 0.8, 2.0)
+    cv2.circle(page, (590, 60), 40, 10, -1, cv2.LINE_AA)
+    found = []
+    for score in (1.0, 0.7, DEFAULT.least_score, 0.25, 0.15, 0.05, 0.0):
+        contours = find_contours(page, FREE, options=DEFAULT.with_least_score(score)).contours
+        found.append({(*c.ellipse.center.tolist(), float(c.ellipse.semi_major), c.score) for c in contours})
+        assert all(contour.score >= score for contour in contours)
+    assert all(fewer <= more for fewer, more in pairwise(found))
+    assert {each for each in found[-1] if each[-1] >= DEFAULT.least_score} == found[2]
+    assert len(found[0]) == 0 < len(found[1]) <= len(found[2]) < 10 < len(found[-1])
