@@ -60,7 +60,7 @@ def chosen(found: Candidates, wanted: Wanted) -> Chosen:
     if len(kept):
         # What is small, or seen in part, is round by chance more often the fainter it is; a large whole rim is not.
         faint = found.step[kept] < options.least_step_of_typical * typical_step(found, kept)
-        is_small = found.ellipse.semi_minor[kept] < options.chance_px * found.scale[kept]
+        is_small = found.ellipse.semi_minor[kept] < options.chance_px
         faint &= is_small | (found.share[kept] < options.whole_rim)
         why_not[kept[faint]] = REASONS.index(Rejection.WEAK_EDGE)
         kept = left(kept)

@@ -78,11 +78,15 @@ def accepted(
     blurred = np.array([blur_px(rims[k]) for k in kept])
     is_near = moved <= np.where(hidden, options.farthest_hidden_px, np.maximum(options.farthest_px, blurred))
     residuals = residuals_px(camera, factors, ellipses, [rims[k].points for k in kept])
-    is_near &= _are_of_edges(residuals, [rims[k] for k in kept], ellipses, np.exp(fit.blur[kept, 0]), options)
+    blur = np.exp(fit.blur[kept, 0])
+    is_near &= _are_of_edges(residuals, [rims[k] for k in kept], ellipses, blur, options)
+    # Edges may be anywhere on the slope of a blob.
+    is_blob = ~is_near & _are_like_their_blur(ellipses.semi_minor, blur, options)
+    is_blob |= ellipses.semi_minor < options.least_settled_sigmas * blur
     for j, k in enumerate(kept):
         if not found[j]:
             done[k] = Failure(Status.NO_POSE, "the fitted rim lies outside the valid field of the lens model")
-        elif float(ellipses[j].semi_minor) < options.least_settled_sigmas * np.exp(fit.blur[k, 0]):
+        elif is_blob[j]:
             done[k] = Failure(Status.NO_POSE, WITHOUT_EDGE)
         elif not is_near[j]:
             done[k] = Failure(Status.NO_POSE, "the fitted rim is too far from the edges")
@@ -141,16 +145,18 @@ def _fitted_rim(rim: Rim, fit: LevelsFit, number: int, ellipse: Ellipse, residua
     )
 
 
-def _are_without_edge(
-    rims: Sequence[Rim], minor: FloatArray, fit: LevelsFit, options: MeasurementOptions
-) -> BoolArray:
+def _are_without_edge(minor: FloatArray, fit: LevelsFit, options: MeasurementOptions) -> BoolArray:
     """Return (m,) which fits do not tell the width `minor` (m,), px, of a rim from its blur."""
     is_settled = np.sqrt(np.maximum(fit.covariance[:, 0, 0], 0.0)) < options.worst_growth_share
-    # What is a few px wide, and as blurred, is round whatever its shape.
-    is_settled &= np.array([blur_px(rim) > 0.0 for rim in rims])
-    blur = np.exp(fit.blur[:, 0])
-    # In focus a dot of a few px is as blurred, and a dot it is.
-    return (minor < options.least_width_sigmas * blur) & (blur > options.focused_px) & ~is_settled
+    return _are_like_their_blur(minor, np.exp(fit.blur[:, 0]), options) & ~is_settled
+
+
+def _are_like_their_blur(minor: FloatArray, blur: FloatArray, options: MeasurementOptions) -> BoolArray:
+    """Return (m,) which rims have a width `minor` (m,) that is like their `blur` (m,), px.
+
+    In focus a dot of a few px is as blurred, and a dot it is.
+    """
+    return np.asarray((minor < options.least_width_sigmas * blur) & (blur > options.focused_px))
 
 
 def _is_hidden(rim: Rim, used_again: float, options: MeasurementOptions) -> bool:
@@ -177,8 +183,8 @@ def _reasons(
         is_drowned &= ~((over_noise < options.explained_noise_ratio) & (noise_share < options.worst_explained_share))
     uses_enough = (fit.rim_used > options.least_rim_share) & (fit.rim_used >= options.least_kept_share * before)
     rejections = {
+        WITHOUT_EDGE: _are_without_edge(minor, fit, options),
         NOT_CONVERGED: ~fit.converged,
-        WITHOUT_EDGE: _are_without_edge(rims, minor, fit, options),
         DROWNED: is_drowned,
         "the residuals are too large for the noise of the image": is_unexplained,
         "too little of the rim is in use": ~uses_enough,

@@ -129,3 +129,18 @@ def test_what_proves_no_disc_does_not_stand_for_one():
         one = circlepose.estimate(image, CAMERA, circlepose.Target.circle(RADIUS_MM))
         assert one.status == "ok"
         assert np.linalg.norm(one.circles[0].ellipse.center - large.place) < 3.0
+
+
+@pytest.mark.parametrize(
+    ("blur_px", "noise", "contrast", "radius_px"), [(2.5, 2.0, 10.0, 14.0), (0.8, 6.0, 12.0, 20.0)]
+)
+def test_a_faint_disc_beside_strong_ones_is_found_as_in_a_crop_without_them(blur_px, noise, contrast, radius_px):
+    faint = discs([MIDDLE], radius_px, seed=4)
+    strong = discs([(120.0, 120.0), (520.0, 120.0), (120.0, 360.0), (520.0, 360.0)], 40.0)
+    levels = 180.0 - contrast * coverage(faint, radius_px) - 140.0 * coverage(strong, 40.0)
+    image = photographed(levels, blur_px, noise)
+    found = [
+        c for c in circlepose.estimate(image, CAMERA, ALL).circles if np.linalg.norm(c.ellipse.center - MIDDLE) < 3.0
+    ]
+    crop = find_contours(np.ascontiguousarray(image[190:290, 270:370]), AxisIntervals()).contours
+    assert len(found) == len(crop) == 1

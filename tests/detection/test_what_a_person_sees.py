@@ -48,7 +48,7 @@ def test_noise_alone_is_no_circle(noise):
         assert not find_contours(photographed(np.full((480, 640), 128.0), noise=noise, seed=seed), FREE).contours
 
 
-@pytest.mark.parametrize(("radius_px", "blur_px"), [(30.0, 4.0), (30.0, 8.0), (30.0, 12.0), (60.0, 16.0)])
+@pytest.mark.parametrize(("radius_px", "blur_px"), [(6.0, 2.0), (30.0, 4.0), (30.0, 8.0), (30.0, 12.0), (60.0, 16.0)])
 def test_a_disc_out_of_focus_is_measured_with_its_covariance(radius_px, blur_px):
     circles = discs(SIX, radius_px)
     image = photographed(60.0 + 120.0 * coverage(circles, radius_px), blur_px, 2.0)
@@ -63,6 +63,18 @@ def test_a_gaussian_blob_is_no_disc():
     blobs = 20.0 + 200.0 * np.exp(-0.5 * ((x - 320.0) ** 2 + (y - 240.0) ** 2) / 12.0**2)
     result = circlepose.estimate(photographed(blobs), CAMERA, ALL)
     assert not result.circles
+
+
+@pytest.mark.parametrize("height", [-80.0, 60.0, 120.0])
+def test_blobs_of_which_the_slopes_have_edges_are_no_discs(height):
+    """Edges are found along their slopes, but the levels have their width in the blur alone."""
+    y, x = np.mgrid[0:480, 0:640]
+    levels = np.full((480, 640), 100.0)
+    for width, stretch, place in zip(
+        (4.0, 8.0, 12.0, 18.0, 24.0, 30.0), (1.0, 1.5, 1.0, 1.3, 1.6, 1.0), SIX, strict=True
+    ):
+        levels += height * np.exp(-0.5 * (((x - place[0]) / stretch) ** 2 + (y - place[1]) ** 2) / width**2)
+    assert not measured(photographed(levels, noise=2.0))
 
 
 def test_a_faint_disc_beside_strong_ones_is_found():

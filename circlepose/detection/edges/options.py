@@ -24,8 +24,9 @@ class EdgeOptions:
     """share of the pixels that is taken to show noise and texture only; empirical"""
     noise_factor: float = 9.5
     """high threshold over the gradient that the quiet pixels stay below; 6 medians of white noise; statistical"""
-    least_gradient: float = 40.0
-    """L1 Sobel units (8 per level and px); least high threshold, a ramp of 5 levels per px; empirical"""
+    least_gradient: float = 14.0
+    """L1 Sobel units (8 per level and px); least high threshold, that of noise of one level: below it rounding and
+    compression have edges; statistical"""
     hysteresis: float = 0.4
     """low threshold over the high one; empirical"""
     faint_share: float = 0.5
