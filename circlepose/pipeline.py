@@ -359,8 +359,21 @@ def _sizes_of_depths(target: Target, intervals: AxisIntervals) -> str:
 def _why_none(rejected: Counter[Rejection]) -> str:
     """Name the reason that stopped the most promising contours: the later stages first."""
     reasons = [Rejection.DEPTH, Rejection.NO_POSE, Rejection.POLARITY, Rejection.NOT_IN_TARGET, Rejection.RESIDUAL]
-    reasons += [Rejection.BY_CHANCE, Rejection.MAJOR_AXIS, Rejection.MINOR_AXIS, Rejection.WITHOUT_EDGE]
-    reasons += [Rejection.HOLLOW, Rejection.RAGGED, Rejection.POLYGON, Rejection.BLURRED, Rejection.WEAK_EDGE]
+    reasons += [
+        Rejection.LOW_SCORE,
+        Rejection.BY_CHANCE,
+        Rejection.MAJOR_AXIS,
+        Rejection.MINOR_AXIS,
+        Rejection.WITHOUT_EDGE,
+    ]
+    reasons += [
+        Rejection.HOLLOW,
+        Rejection.RAGGED,
+        Rejection.POLYGON,
+        Rejection.BLURRED,
+        Rejection.FAINT,
+        Rejection.WEAK_EDGE,
+    ]
     reasons += [Rejection.TOO_LITTLE_RIM, Rejection.UNLIKE_A_RIM, Rejection.NOT_ELLIPTICAL]
     # Dots are what the image shows where there are more of them than of contours that nearly are a rim.
     dots_first = rejected[Rejection.TOO_SMALL] > rejected[Rejection.TOO_LITTLE_RIM]

@@ -62,7 +62,7 @@ def chosen(found: Candidates, wanted: Wanted) -> Chosen:
         faint = found.step[kept] < options.least_step_of_typical * typical_step(found, kept)
         is_small = found.ellipse.semi_minor[kept] < options.chance_px
         faint &= is_small | (found.share[kept] < options.whole_rim)
-        why_not[kept[faint]] = REASONS.index(Rejection.WEAK_EDGE)
+        why_not[kept[faint]] = REASONS.index(Rejection.FAINT)
         kept = left(kept)
         # What is smooth in a reduced image was seen to have corners in a finer one.
         cornered = np.flatnonzero(why_not == REASONS.index(Rejection.POLYGON))

@@ -24,6 +24,7 @@ class Rejection(StrEnum):
     MINOR_AXIS = "minor axis outside its interval"
     TOO_LITTLE_RIM = "too little of the ellipse's rim stands on an edge"
     WEAK_EDGE = "edge hardly above the noise"
+    FAINT = "much fainter than other circles, and small or seen in part"
     BLURRED = "edge too blurred to be located"
     RAGGED = "edge departs too far from an ellipse"
     POLYGON = "edge has corners at equal angles, as a polygon's"

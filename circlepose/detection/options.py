@@ -173,8 +173,10 @@ class DetectionOptions:
     noise_sigmas: float = 6.0
     """standard deviations above it, from which an edge is not noise: 1e-9 for each ellipse that is tried, so 1e-5 for
     an image with ten thousand of them; statistical"""
-    block_px: float = 8.0
-    """px; length over which levels err alike where no noise is seen, the block of JPEG and of video; exact"""
+    stair_levels: float = 3.2
+    """levels; highest step that rounding and compression make of a slope without noise; empirical"""
+    stair_share: float = 0.35
+    """the same as a share of the range of the image: a slope is of several steps; empirical"""
     least_corners: int = 3
     """corners of the polygons that are told from circles, at least; exact"""
     most_corners: int = 16
@@ -372,9 +374,10 @@ class DetectionOptions:
 
     @property
     def lenient(self) -> Self:
-        """The numbers without bounds on the score and its two factors, the quality and the share of the rim."""
+        """The numbers without bounds on the score, its factors (quality, share of the rim) and faintness."""
         return replace(
             self,
+            least_step_of_typical=0.0,
             least_score=0.0,
             least_quality=0.0,
             hopeless_quality=0.0,

@@ -15,7 +15,6 @@ from circlepose.detection.occluded import PartialRim
 from circlepose.detection.options import DEFAULT, DetectionOptions
 from circlepose.detection.polygons import are_polygons
 from circlepose.geometry.ellipse import Ellipse, rim_distance
-from circlepose.imaging.noise import LEAST_NOISE
 from circlepose.imaging.pyramid import Reduced
 from circlepose.imaging.subpixel_edges import STEP_NOISE, RimEdges, edge_noise_px, noise_share
 from circlepose.photometry.thin.fit import are_thin
@@ -55,10 +54,10 @@ class Candidates:
     """(m,) noise of the image in which the edges were located, over the height of the edge"""
     scale: FloatArray
     """(m,) px of the full image in one px of that image"""
-    alike_px: FloatArray
-    """(m,) length over which levels err alike, px of the full image"""
     is_polygon: BoolArray
     """(m,) whether the edge has corners at equal angles"""
+    is_stair: BoolArray
+    """(m,) whether the edge may be a step that rounding or compression makes of a slope"""
     is_hollow: BoolArray
     """(m,) whether what is inside a small rim is as what is outside: a ring or a letter, not a disc"""
     is_wide: BoolArray
@@ -93,7 +92,6 @@ class Candidates:
         stray_px, uneven = _beyond(rms_px, noise_px), _beyond(uneven, STEP_NOISE * seen_share)
         full = image.full(ellipse)
         perimeter = np.pi * (full.semi_major + full.semi_minor)
-        alike_px = image.scale if image.seen_noise >= LEAST_NOISE else max(image.scale, options.block_px)
         return cls(
             ellipse=full,
             edges=edges.in_full_size(image.scale),
@@ -109,8 +107,8 @@ class Candidates:
             evidence=share * perimeter * step / (1.0 + (stray_px / options.evidence_rms_px) ** 2),
             noise_share=share_of_noise,
             scale=np.full(len(share), float(image.scale)),
-            alike_px=np.full(len(share), float(alike_px)),
             is_polygon=_are_polygons(ellipse, residual, which, edges, options),
+            is_stair=_are_stairs(image, step, options),
             is_hollow=are_hollow(image, ellipse, edges, which, options),
             is_wide=are_wide(image, ellipse, edges, step, options),
         )
@@ -151,7 +149,7 @@ class Candidates:
             (self.share < self._least_rim(options), Rejection.TOO_LITTLE_RIM),
             (self.ragged > np.where(self.is_partial, options.half_ragged, np.inf), Rejection.RAGGED),
             (self.is_hollow & (not of_rings), Rejection.HOLLOW),
-            ((self.step < least_step) | self._may_be_noise(options), Rejection.WEAK_EDGE),
+            ((self.step < least_step) | self.is_stair | self._may_be_noise(options), Rejection.WEAK_EDGE),
             (self.quality < lenience * options.least_quality, Rejection.UNLIKE_A_RIM),
             (self.score < lenience * options.least_score, Rejection.TOO_LITTLE_RIM),
             (WANTED_SIGN[polarity] * self.edges.polarity < 0.0, Rejection.POLARITY),
@@ -173,13 +171,13 @@ class Candidates:
 
     def _may_be_noise(self, options: DetectionOptions) -> BoolArray:
         """Return (m,) which edges are no higher than the highest that noise alone shows along an ellipse."""
-        length = self.share * np.pi * (self.ellipse.semi_major + self.ellipse.semi_minor) / self.alike_px
+        length = self.share * np.pi * (self.ellipse.semi_major + self.ellipse.semi_minor) / self.scale
         return self.noise_share * _by_noise(length, options) > 1.0
 
     def is_noise(self, i: int, which: BoolArray, options: DetectionOptions) -> bool:
         """Return whether the edges `which` (k,) of candidate i are no higher than noise."""
         count = np.count_nonzero(which)
-        perimeter = np.pi * (self.ellipse.semi_major[i] + self.ellipse.semi_minor[i]) / self.alike_px[i]
+        perimeter = np.pi * (self.ellipse.semi_major[i] + self.ellipse.semi_minor[i]) / self.scale[i]
         by_noise = self.noise_share[i] * self.step[i] * _by_noise(perimeter * count / len(which), options)
         return bool(by_noise * count > np.abs(self.edges.step[i][which]).sum())
 
@@ -257,6 +255,11 @@ def _are_polygons(
     return polygons
 
 
+def _are_stairs(image: Reduced, step: FloatArray, options: DetectionOptions) -> BoolArray:
+    """Return (m,) which edges, `step` levels high, may be of the stairs in which a slope without noise rises."""
+    return np.asarray(step < min(options.stair_levels, options.stair_share * image.stairs_range))
+
+
 def _beyond(measured: FloatArray, noise: FloatArray) -> FloatArray:
     """Return what is left of a `measured` scatter (m,) without that of the `noise` (m,)."""
     return np.sqrt(np.maximum(measured**2 - noise**2, 0.0))
@@ -284,9 +287,9 @@ def _quality(semi_minor: FloatArray, rms_px: FloatArray, uneven: FloatArray, opt
     )
 
 
-def _by_noise(number: FloatArray, options: DetectionOptions) -> FloatArray:
-    """Return the greatest height of edges by noise, over the noise, on an ellipse with `number` (m,) of noises."""
-    return options.noise_step + options.noise_sigmas * options.noise_step_scatter / np.sqrt(number + 1e-9)
+def _by_noise(length_px: FloatArray, options: DetectionOptions) -> FloatArray:
+    """Return the greatest height of edges by noise, over the noise, along `length_px` (m,) of an ellipse."""
+    return options.noise_step + options.noise_sigmas * options.noise_step_scatter / np.sqrt(length_px + 1e-9)
 
 
 def _holds(length_px: FloatArray, interval: tuple[float, float] | None) -> BoolArray:

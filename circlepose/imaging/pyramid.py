@@ -55,11 +55,12 @@ class Reduced:
     Averaging four pixels halves white noise, and the blur in px, so what drowns in the full image stands out here.
     """
 
-    def __init__(self, levels: Image, scale: int = 1) -> None:
+    def __init__(self, levels: Image, scale: int = 1, finest: Reduced | None = None) -> None:
         self.levels = levels
         """(h, w); float32 where the image is reduced"""
         self.scale = scale
         """px of the full image in one px of this"""
+        self._finest = self if finest is None else finest
 
     def ellipse(self, full: Ellipse) -> Ellipse:
         """Return ellipses of the full image in this one."""
@@ -90,12 +91,21 @@ class Reduced:
         return max(self.seen_noise, LEAST_NOISE)
 
     @cached_property
+    def stairs_range(self) -> float:
+        """Range of the levels of the image that it was reduced from, if that shows only rounding as noise; else 0."""
+        if self._finest is not self:
+            return self._finest.stairs_range
+        return float(np.ptp(self.levels)) if self.seen_noise < LEAST_NOISE else 0.0
+
+    @cached_property
     def half(self) -> Reduced:
         """The same image, half as wide and high."""
         height, width = (side // 2 for side in self.levels.shape)
         # Without the last of an odd number of rows and columns, so that the scale is exact.
         levels = np.ascontiguousarray(self.levels[: 2 * height, : 2 * width], dtype=np.float32)
-        return Reduced(cv2.resize(levels, (width, height), interpolation=cv2.INTER_AREA), 2 * self.scale)
+        return Reduced(
+            cv2.resize(levels, (width, height), interpolation=cv2.INTER_AREA), 2 * self.scale, self._finest
+        )
 
     def reduced_to(self, scale: int) -> Reduced:
         """Return the same image at the scale `scale`, a power of two times this one's."""
