@@ -8,7 +8,7 @@ import numpy as np
 
 from circlepose._typing import BoolArray, IntArray
 from circlepose.detection.contour import Rejection
-from circlepose.detection.duplicates import inside_others, repeats
+from circlepose.detection.duplicates import inside_others, neighbors, repeats
 from circlepose.detection.options import DEFAULT, DetectionOptions
 from circlepose.detection.verification import REASONS, Candidates
 from circlepose.geometry.ellipse import rim_distance
@@ -88,13 +88,19 @@ def _borrowing(found: Candidates, ranked: IntArray, wanted: Wanted) -> tuple[lis
     Those that have most of them from there, and those whose other edges may be noise.
     """
     options = wanted.options
-    center, reach = found.ellipse.center, found.ellipse.semi_major + options.same_px
-    before: list[int] = []
+    own = found.ellipse[ranked]
+    reach = own.semi_major + options.same_px
+    first, second = neighbors(own.center, 2.0 * float(reach.max(initial=0.0)))
+    close = np.linalg.norm(own.center[first] - own.center[second], axis=1) < reach[first] + reach[second]
+    higher: dict[int, list[int]] = {}
+    for a, b in zip(first[close].tolist(), second[close].tolist(), strict=True):
+        higher.setdefault(b, []).append(a)
     repeated: list[int] = []
     noise: list[int] = []
-    for i in ranked.tolist():
-        apart = np.linalg.norm(center[before] - center[i], axis=1)
-        near = found.ellipse[[k for k, px in zip(before, apart.tolist(), strict=True) if px < reach[k] + reach[i]]]
+    left_out: set[int] = set()
+    for at, before in sorted(higher.items()):
+        i = int(ranked[at])
+        near = own[[k for k in before if k not in left_out]]
         if len(near):
             near_px = max(options.same_px, options.rim_tolerance_sigmas * float(found.noise_px[i]))
             distance = np.abs(rim_distance(near, found.edges.points[i]))
@@ -102,11 +108,10 @@ def _borrowing(found: Candidates, ranked: IntArray, wanted: Wanted) -> tuple[lis
             most_shared = 1.0 if wanted.keep_concentric else options.least_shared
             if np.count_nonzero(is_own) < (1.0 - most_shared) * np.count_nonzero(found.on_rim[i]):
                 repeated.append(i)
-                continue
-            if found.noise_share[i] > options.noisy_share and found.is_noise(i, is_own, options):
+                left_out.add(at)
+            elif found.noise_share[i] > options.noisy_share and found.is_noise(i, is_own, options):
                 noise.append(i)
-                continue
-        before.append(i)
+                left_out.add(at)
     return repeated, noise
 
 

@@ -32,7 +32,7 @@ def repeats(ellipse: Ellipse, ranked: IntArray, options: DetectionOptions = DEFA
         return ranked[:0]
     chosen = ellipse[ranked]
     near = np.maximum(options.same_px, options.same_share * chosen.semi_major)
-    higher, lower = _neighbors(chosen.center, float(near.max(initial=0.0)))
+    higher, lower = neighbors(chosen.center, float(near.max(initial=0.0)))
     return np.unique(ranked[lower[same(chosen[higher], chosen[lower], options)]])
 
 
@@ -84,7 +84,7 @@ def _within(ellipse: Ellipse, which: IntArray, options: DetectionOptions) -> tup
         return which[:0], which[:0]
     chosen = ellipse[which]
     farthest = options.concentric_share * float(chosen.semi_minor.max(initial=0.0)) + 1.0
-    first, second = _neighbors(chosen.center, farthest)
+    first, second = neighbors(chosen.center, farthest)
     swap = chosen.semi_major[first] > chosen.semi_major[second]
     inner, outer = np.where(swap, second, first), np.where(swap, first, second)
     ratio = chosen.semi_major[inner] / chosen.semi_major[outer]
@@ -102,7 +102,7 @@ def _within(ellipse: Ellipse, which: IntArray, options: DetectionOptions) -> tup
     return which[inner[inside]], which[outer[inside]]
 
 
-def _neighbors(centers: FloatArray, distance: float) -> tuple[IntArray, IntArray]:
+def neighbors(centers: FloatArray, distance: float) -> tuple[IntArray, IntArray]:
     """Return the pairs (i, j), i < j, of points (m, 2) whose x and y both differ by `distance` at most."""
     order = np.argsort(centers[:, 0], kind="stable")
     x = centers[order, 0]

@@ -22,11 +22,9 @@ _CORNERS = 48
 def unexplained_tiles(image: Image, known: Ellipse, scale: float, options: DetectionOptions = DEFAULT) -> BoolArray:
     """Return which tiles (rows, columns) of `image`, reduced by `scale`, have an edge off the rims `known`.
 
-    And which are next to one. This image shows what the next finer one does, as it has less noise. Thin lines are
-    fainter in it, so fainter edges count.
+    And which are next to one. This image shows what the next finer one does, as it has less noise.
     """
-    least = options.edges.faint_share * options.edges.least_gradient
-    edges = edge_map(image, replace(options.edges, least_gradient=least))
+    edges = edge_map(image, replace(options.edges, least_gradient=options.edges.unexplained_gradient))
     drawn = rims_drawn(known, scale, image)
     if drawn is not None:
         edges[drawn] = 0

@@ -29,8 +29,9 @@ class EdgeOptions:
     compression have edges; statistical"""
     hysteresis: float = 0.4
     """low threshold over the high one; empirical"""
-    faint_share: float = 0.5
-    """threshold over the usual one where a line 1 px wide in the next finer image counts; numerical"""
+    unexplained_gradient: float = 20.0
+    """L1 Sobel units; least high threshold of the edges for which the next finer image is searched: a line 1 px wide
+    there, 5 levels high; numerical"""
 
     # Arcs of chains.
     arc_span: int = 6
