@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
+from circlepose._batching import joined
 from circlepose._typing import FloatArray
 from circlepose.geometry.ellipse import Ellipse
 from circlepose.targets import Polarity
@@ -104,3 +105,18 @@ class DetectionResult:
     """their reasons, in the same order"""
     is_complete: bool
     """whether the search went on to the smallest circles; else it ended with as many as were asked for"""
+
+    def without(self, dropped: Iterable[Contour], reason: Rejection) -> DetectionResult:
+        """Return the same with the contours `dropped` rejected for that `reason`."""
+        out = list(dropped)
+        if not out:
+            return self
+        # Contours compare by identity.
+        left_out = set(out)
+        return replace(
+            self,
+            contours=tuple(contour for contour in self.contours if contour not in left_out),
+            rejected=self.rejected + Counter({reason: len(out)}),
+            refused=joined([Ellipse.batch([contour.ellipse for contour in out]), self.refused]),
+            refused_why=(reason,) * len(out) + self.refused_why,
+        )

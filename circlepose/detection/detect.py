@@ -7,8 +7,8 @@ dropped (`surroundings`).
 
 from __future__ import annotations
 
-from collections import Counter
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -75,51 +75,28 @@ def find_contours(
     least_step = options.least_step_share * min(range_, COARSE * size) + 1e-9
     wanted = Wanted(intervals, polarity, keep_concentric, enough, least_step, options)
     has_length = intervals.major_px is not None
-    seen = _found(full, images, range_, wanted, extraction)
-    contours, rejected = seen.contours, seen.rejected
+    found, thin = _found(full, images, range_, wanted, extraction)
     # Where round things are there by chance, lines are, too.
-    is_missing = len(contours) < (int(not keep_concentric) if enough is None else enough)
-    wants_slivers = slivers_wanted(wanted) or (is_missing and not rejected[Rejection.BY_CHANCE])
-    thin = list(seen.search.thin)
+    is_missing = len(found.contours) < (int(not keep_concentric) if enough is None else enough)
+    wants_slivers = slivers_wanted(wanted) or (is_missing and not found.rejected[Rejection.BY_CHANCE])
     if wants_slivers and not has_length:
-        thin = _lines(images, intervals, seen.ellipse, extraction, options)
+        known = Ellipse.batch([contour.ellipse for contour in found.contours])
+        thin = tuple(_lines(images, intervals, known, extraction, options))
     asked = options.asked_score
     if asked is not None and asked < options.least_score:
         # All that any lower score takes is found in one way, so that less asked for takes more.
-        seen = _found(full, images, range_, replace(wanted, options=options.lenient), extraction, options)
-        contours, rejected = contours + _unlike(seen.contours, contours, options), seen.rejected
-    refused, refused_why = seen.refused, seen.refused_why
+        lenient, _ = _found(full, images, range_, replace(wanted, options=options.lenient), extraction, options)
+        doubtful = _unlike(lenient.contours, found.contours, options)
+        found = replace(lenient, contours=found.contours + doubtful)
     if asked is not None:
         least = asked * (options.ring_leniency if keep_concentric else 1.0)
-        low = Ellipse.batch([contour.ellipse for contour in contours if contour.score < least])
-        contours = [contour for contour in contours if contour.score >= least]
-        rejected[Rejection.LOW_SCORE] += len(low)
-        refused, refused_why = joined([low, refused]), (Rejection.LOW_SCORE,) * len(low) + refused_why
+        low = [contour for contour in found.contours if contour.score < least]
+        found = found.without(low, Rejection.LOW_SCORE)
+    contours, rejected = found.contours, found.rejected
     if wants_slivers:
         slivers, dropped = find_slivers(own, _distinct(thin), intervals, polarity, options)
-        rejected.update(dropped)
-        contours = slivers + _apart_from(contours, slivers, options)
-    return DetectionResult(
-        contours=tuple(sorted(contours, key=lambda c: -c.evidence)),
-        rejected=rejected,
-        refused=refused,
-        refused_why=refused_why,
-        is_complete=seen.search.is_complete,
-    )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Found:
-    """The contours that pass the bounds, and what does not."""
-
-    search: Search
-    contours: list[Contour]
-    ellipse: Ellipse
-    """(batch) theirs"""
-    rejected: Counter[Rejection]
-    refused: Ellipse
-    """(batch) those rejected after the edges along them were located, most evidence first"""
-    refused_why: tuple[Rejection, ...]
+        contours, rejected = (*slivers, *_apart_from(contours, slivers, options)), rejected + dropped
+    return replace(found, contours=tuple(sorted(contours, key=lambda c: -c.evidence)), rejected=rejected)
 
 
 def _found(
@@ -129,12 +106,15 @@ def _found(
     wanted: Wanted,
     extraction: str,
     usual: DetectionOptions | None = None,
-) -> _Found:
-    """Search the `images` for contours. What is outside of the `usual` bounds is scored in proportion to them."""
+) -> tuple[DetectionResult, tuple[Ellipse, ...]]:
+    """Return the contours in `images`, and what may be circles seen edge-on.
+
+    What is outside of the `usual` bounds is scored in proportion to them.
+    """
     options = wanted.options
     state, rejected = search(full, images, range_, wanted, extraction, lines=wanted.intervals.major_px is not None)
     if state.found is None:
-        return _Found(state, [], NO_ELLIPSES, rejected, NO_ELLIPSES, ())
+        return DetectionResult((), rejected, NO_ELLIPSES, (), state.is_complete), state.thin
     found, kept, untried = _seen_in_part(full, state.found, state, wanted)
     rejected[Rejection.BUDGET] += untried
     most = np.ones(len(found.share))
@@ -144,14 +124,14 @@ def _found(
         # What the usual bounds do not admit is doubtful, whatever its score.
         most = np.minimum(most, np.nextafter(usual.least_score, 0.0) * found.share_of_bounds(usual))
     rejected.update(kept.reasons.values())
-    return _Found(
-        search=state,
+    result = DetectionResult(
         contours=_contours(found, kept, most, options),
-        ellipse=found.ellipse[kept.kept],
         rejected=rejected,
         refused=found.ellipse[list(kept.reasons)],
         refused_why=tuple(kept.reasons.values()),
+        is_complete=state.is_complete,
     )
+    return result, state.thin
 
 
 def _seen_in_part(full: Reduced, found: Candidates, state: Search, wanted: Wanted) -> tuple[Candidates, Chosen, int]:
@@ -204,7 +184,7 @@ def _not_by_chance(
     return Chosen(left, kept.reasons | dict.fromkeys(dropped, Rejection.BY_CHANCE)), most
 
 
-def _contours(found: Candidates, kept: Chosen, most: FloatArray, options: DetectionOptions) -> list[Contour]:
+def _contours(found: Candidates, kept: Chosen, most: FloatArray, options: DetectionOptions) -> tuple[Contour, ...]:
     """Return the candidates kept, each with those nested in it, scored by `most` (m,) at most."""
     inner = [i for i, reason in kept.reasons.items() if reason is Rejection.INSIDE_ANOTHER]
     nested = nested_in(found.ellipse, found.edges.polarity, kept.kept, inner, options) if inner else {}
@@ -213,10 +193,12 @@ def _contours(found: Candidates, kept: Chosen, most: FloatArray, options: Detect
         contour = found.contour(i)
         score = min(contour.score, float(most[i]))
         contours.append(replace(contour, score=score, nested=tuple(found.contour(k) for k in nested.get(i, ()))))
-    return contours
+    return tuple(contours)
 
 
-def _unlike(doubtful: list[Contour], sure: list[Contour], options: DetectionOptions) -> list[Contour]:
+def _unlike(
+    doubtful: tuple[Contour, ...], sure: tuple[Contour, ...], options: DetectionOptions
+) -> tuple[Contour, ...]:
     """Return those of the `doubtful` contours that do not have most of their edges from rims of the `sure` ones."""
     if not sure:
         return doubtful
@@ -226,15 +208,15 @@ def _unlike(doubtful: list[Contour], sure: list[Contour], options: DetectionOpti
         apart = np.abs(rim_distance(rims, contour.points))
         return float(np.mean((apart <= options.same_px).any(axis=0)))
 
-    return [contour for contour in doubtful if shared(contour) < options.least_shared]
+    return tuple(contour for contour in doubtful if shared(contour) < options.least_shared)
 
 
-def _distinct(thin: list[Ellipse]) -> Ellipse:
+def _distinct(thin: Sequence[Ellipse]) -> Ellipse:
     """Return the lines found at all scales, the finest first, without repeats."""
     return without_repeats(joined(thin[::-1]), 1.0) if thin else NO_ELLIPSES
 
 
-def _apart_from(contours: list[Contour], slivers: list[Contour], options: DetectionOptions) -> list[Contour]:
+def _apart_from(contours: Sequence[Contour], slivers: list[Contour], options: DetectionOptions) -> list[Contour]:
     """Return the contours that are not the edge of one of the `slivers`."""
     return [c for c in contours if not any(same(c.ellipse, s.ellipse, options) for s in slivers)]
 

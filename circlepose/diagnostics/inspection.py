@@ -9,12 +9,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from circlepose import _arguments
-from circlepose._batching import joined
 from circlepose._typing import Image
 from circlepose.detection.contour import Contour, DetectionResult, Rejection
 from circlepose.detection.detect import find_contours
 from circlepose.detection.options import DEFAULT, DetectionOptions
-from circlepose.geometry.ellipse import Ellipse
 from circlepose.imaging.color_mixes import color_mixes
 from circlepose.imaging.float_levels import without_gaps
 from circlepose.imaging.gray import gray_of, to_channels
@@ -88,23 +86,10 @@ def inspect(
     found = _found_in_views(channels, pixels.whole, intervals or AxisIntervals(), polarity, options, rings=rings)
     most_px = _arguments.bound_px("max_residual_px", max_residual_px)
     if most_px is not None:
-        found = _without_rough(found, most_px)
+        rough = [contour for contour in found.contours if contour.residual_px > most_px]
+        found = found.without(rough, Rejection.RESIDUAL)
     return Inspection(
         (int(channels.shape[1]), int(channels.shape[0])), found, suggested_intervals(found.contours), pixels.remark
-    )
-
-
-def _without_rough(found: DetectionResult, most_px: float) -> DetectionResult:
-    """Return what was found, with the contours whose edges are farther than `most_px` from an ellipse rejected."""
-    rough = [contour for contour in found.contours if contour.residual_px > most_px]
-    if not rough:
-        return found
-    return replace(
-        found,
-        contours=tuple(contour for contour in found.contours if contour.residual_px <= most_px),
-        rejected=found.rejected + Counter({Rejection.RESIDUAL: len(rough)}),
-        refused=joined([Ellipse.batch([contour.ellipse for contour in rough]), found.refused]),
-        refused_why=(Rejection.RESIDUAL,) * len(rough) + found.refused_why,
     )
 
 

@@ -121,7 +121,8 @@ def measure_circles(
             why_not = _why_not_in_mix(why_not, fits.rims, views_of[0].pixels.whole, target.polarity, options)
         # Two contours of one rough or blurred rim may become the same rim.
         used = [i for i, reason in enumerate(why_not) if reason is None]
-        for again in _repeated([fits.rims[i].ellipse for i in used], options):
+        ellipses = Ellipse.batch([fits.rims[i].ellipse for i in used])
+        for again in repeats(ellipses, np.arange(len(used)), options.detection).tolist():
             why_not[used[again]] = Rejection.DUPLICATE
         used = [i for i, reason in enumerate(why_not) if reason is None]
         rejected = found.rejected + Counter(reason for reason in why_not if reason is not None)
@@ -176,13 +177,6 @@ class _View:
     used: list[int]
     """the rims that may be circles, as many as asked for"""
     rejected: Counter[Rejection]
-
-
-def _repeated(ellipses: Sequence[Ellipse], options: MeasurementOptions) -> list[int]:
-    """Return which of the `ellipses` are the same edge as one before."""
-    if len(ellipses) < 2:
-        return []
-    return repeats(Ellipse.batch(ellipses), np.arange(len(ellipses)), options.detection).tolist()
 
 
 def _why_not_in_mix(
