@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from circlepose._batching import in_parts
 from circlepose._typing import BoolArray, IntArray
 from circlepose.detection.contour import Rejection
 from circlepose.detection.duplicates import inside_others, neighbors, repeats
@@ -67,9 +68,10 @@ def chosen(found: Candidates, wanted: Wanted) -> Chosen:
         # What is smooth in a reduced image was seen to have corners in a finer one.
         cornered = np.flatnonzero(why_not == REASONS.index(Rejection.POLYGON))
         rough = kept[found.ragged[kept] >= options.half_ragged]
-        again = repeats(found.ellipse, np.concatenate([cornered, rough]), options)
-        why_not[np.intersect1d(again, rough)] = REASONS.index(Rejection.POLYGON)
-        kept = left(kept)
+        if len(cornered) and len(rough):
+            again = repeats(found.ellipse, np.concatenate([cornered, rough]), options)
+            why_not[np.intersect1d(again, rough)] = REASONS.index(Rejection.POLYGON)
+            kept = left(kept)
         why_not[repeats(found.ellipse, kept, options)] = REASONS.index(Rejection.DUPLICATE)
         kept = left(kept)
         repeated, noise = _borrowing(found, kept, wanted)
@@ -87,31 +89,48 @@ def _borrowing(found: Candidates, ranked: IntArray, wanted: Wanted) -> tuple[lis
 
     Those that have most of them from there, and those whose other edges may be noise.
     """
+    if len(ranked) < 2:
+        return [], []
     options = wanted.options
     own = found.ellipse[ranked]
     reach = own.semi_major + options.same_px
     first, second = neighbors(own.center, 2.0 * float(reach.max(initial=0.0)))
     close = np.linalg.norm(own.center[first] - own.center[second], axis=1) < reach[first] + reach[second]
-    higher: dict[int, list[int]] = {}
-    for a, b in zip(first[close].tolist(), second[close].tolist(), strict=True):
-        higher.setdefault(b, []).append(a)
+    before, after = first[close], second[close]
+    if len(after) == 0:
+        return [], []
+    by_after = np.argsort(after, kind="stable")
+    before, after = before[by_after], after[by_after]
+    near_px = np.maximum(options.same_px, options.rim_tolerance_sigmas * found.noise_px[ranked])
+
+    def are_off(before: IntArray, after: IntArray) -> BoolArray:
+        distance = rim_distance(own[before], found.edges.points[ranked[after]])
+        return np.asarray(np.abs(distance) > near_px[after, None])
+
+    is_off = in_parts(are_off, before, after)
+    at, begin = np.unique(after, return_index=True)
+    on_rim = found.on_rim[ranked[at]]
+    most_shared = 1.0 if wanted.keep_concentric else options.least_shared
+    least_own = (1.0 - most_shared) * np.count_nonzero(on_rim, axis=1)
+    is_own = on_rim & np.logical_and.reduceat(is_off, begin, axis=0)
+    may_borrow = np.count_nonzero(is_own, axis=1) < least_own
+    is_noisy = found.noise_share[ranked[at]] > options.noisy_share
     repeated: list[int] = []
     noise: list[int] = []
     left_out: set[int] = set()
-    for at, before in sorted(higher.items()):
-        i = int(ranked[at])
-        near = own[[k for k in before if k not in left_out]]
-        if len(near):
-            near_px = max(options.same_px, options.rim_tolerance_sigmas * float(found.noise_px[i]))
-            distance = np.abs(rim_distance(near, found.edges.points[i]))
-            is_own = found.on_rim[i] & (distance > near_px).all(axis=0)
-            most_shared = 1.0 if wanted.keep_concentric else options.least_shared
-            if np.count_nonzero(is_own) < (1.0 - most_shared) * np.count_nonzero(found.on_rim[i]):
+    groups = np.append(begin, len(after))
+    # Those left out lend no edges, so the others have as many of their own or more.
+    for k in np.flatnonzero(may_borrow | is_noisy).tolist():
+        i = int(ranked[at[k]])
+        pairs = [j for j in range(groups[k], groups[k + 1]) if before[j] not in left_out]
+        if pairs:
+            is_own_now = on_rim[k] & is_off[pairs].all(axis=0)
+            if np.count_nonzero(is_own_now) < least_own[k]:
                 repeated.append(i)
-                left_out.add(at)
-            elif found.noise_share[i] > options.noisy_share and found.is_noise(i, is_own, options):
+                left_out.add(int(at[k]))
+            elif is_noisy[k] and found.is_noise(i, is_own_now, options):
                 noise.append(i)
-                left_out.add(at)
+                left_out.add(int(at[k]))
     return repeated, noise
 
 

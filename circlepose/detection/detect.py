@@ -191,8 +191,10 @@ def _contours(found: Candidates, kept: Chosen, most: FloatArray, options: Detect
     contours = []
     for i in kept.kept:
         contour = found.contour(i)
-        score = min(contour.score, float(most[i]))
-        contours.append(replace(contour, score=score, nested=tuple(found.contour(k) for k in nested.get(i, ()))))
+        if most[i] < contour.score or i in nested:
+            inside = tuple(found.contour(k) for k in nested.get(i, ()))
+            contour = replace(contour, score=min(contour.score, float(most[i])), nested=inside)
+        contours.append(contour)
     return tuple(contours)
 
 

@@ -195,7 +195,7 @@ def _from_levels(fitted: ThinEllipse | Rejection, options: DetectionOptions) -> 
 
 
 def _perimeter(ellipse: Ellipse) -> float:
-    return float(np.pi * (ellipse.semi_major + ellipse.semi_minor))
+    return float(ellipse.perimeter)
 
 
 def _lies_on(fragment: Ellipse, sliver: Ellipse) -> bool:

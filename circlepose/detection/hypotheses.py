@@ -180,8 +180,7 @@ def _trimmed(
         weights = 1.0 / (1.0 + (distance / scale) ** 2) ** 2
     share = np.mean(distance < 2.0 * _near(ellipse, options)[:, None], axis=1)
     # A shorter arc does not determine the rest of the rim.
-    perimeter = np.pi * (ellipse.semi_major + ellipse.semi_minor)
-    good = found & (share * lengths >= options.least_chain_cover * perimeter)
+    good = found & (share * lengths >= options.least_chain_cover * ellipse.perimeter)
     return ellipse, good & ((ellipse.semi_minor >= 1.0) | (ellipse.semi_major >= options.line_semi_major_px)), share
 
 
@@ -211,7 +210,7 @@ def _from_arcs(arcs: Arcs, longest: float, options: DetectionOptions) -> Ellipse
     if len(arcs) == 0:
         return NO_ELLIPSES
     single, good, share = in_parts(partial(_trimmed, options), arcs.samples, arcs.lengths)
-    cover = share * arcs.lengths / (np.pi * (single.semi_major + single.semi_minor))
+    cover = share * arcs.lengths / single.perimeter
     together, together_cover = joined_arcs(arcs[bulging(arcs, options.edges)], longest, options.edges)
     found = joined([single[good], together])
     ranked = found[np.argsort(-np.concatenate([cover[good], together_cover]), kind="stable")]

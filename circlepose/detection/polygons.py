@@ -67,7 +67,7 @@ def _have_corners(
     count = np.maximum(np.count_nonzero(on_rim, axis=1), 1)
     relative = np.where(on_rim, residual_px / growth, 0.0)
     spectrum = 2.0 * np.abs(np.fft.rfft(relative, axis=1)) / count[:, None]
-    perimeter_px = np.pi * (ellipse.semi_major + ellipse.semi_minor)
+    perimeter_px = ellipse.perimeter
     harmonics = np.arange(options.least_corners, samples // 2)
     # Shorter sides cannot be seen, and closer samples share their edges.
     is_seen = harmonics * options.least_side_px <= perimeter_px[:, None]

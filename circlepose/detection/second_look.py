@@ -64,7 +64,7 @@ def second_look(
         fruitless += len(now)
         for scale in np.unique(candidates.scale[now]).tolist():
             start = candidates.ellipse[[i for i in now if candidates.scale[i] == scale]]
-            new = _in_finer(full, _in_part(full, int(scale), start, smooth, options), smooth, options)
+            new = _in_finer(full, _in_part(full, int(scale), start, smooth, options)[0], smooth, options)
             if new is not None:
                 wanted = why_not(new) < 0
                 left, lost = _compared(new, wanted, candidates, rough, options)
@@ -78,8 +78,11 @@ def second_look(
 
 def _in_part(
     full: Reduced, scale: int, start: Ellipse, smooth: Ellipse, options: DetectionOptions
-) -> Candidates | None:
-    """Return the rims near the ellipses `start`, px, on which long runs of edges lie in an image at `scale`."""
+) -> tuple[Candidates | None, IntArray]:
+    """Return the rims near the ellipses `start`, px, on which long runs of edges lie in an image at `scale`.
+
+    Returns also of which of `start` each is.
+    """
     image = full.reduced_to(scale)
     own = image.ellipse(start)
     found = partial_rims(image, own, options)
@@ -90,12 +93,14 @@ def _in_part(
     for k, either in zip(mixed.tolist(), partial_rims(image, own[mixed], options, of_either_sign=True), strict=True):
         if either is not None and _is_fuller(either, found[k], options):
             found[k] = either
-    rims = [
-        rim
-        for rim in found
-        if rim is not None and not _is_explained(rim.edges.points[0][rim.on_rim], image.ellipse(smooth), options)
-    ]
-    return Candidates.of_partial(image, rims, options) if rims else None
+    known = image.ellipse(smooth)
+    rims = {
+        i: rim
+        for i, rim in enumerate(found)
+        if rim is not None and not _is_explained(rim.edges.points[0][rim.on_rim], known, options)
+    }
+    new = Candidates.of_partial(image, list(rims.values()), options) if rims else None
+    return new, np.array(list(rims), np.int64)
 
 
 def _have_both_signs(image: Reduced, ellipse: Ellipse, options: DetectionOptions) -> BoolArray:
@@ -126,34 +131,40 @@ def _in_finer(
     if rims is None or rims.scale[0] == 1.0:
         return rims
     finest: list[Candidates] = []
-    for k in range(len(rims.scale)):
-        rim: Candidates | None = rows(rims, np.array([k]))
+    coarse: Candidates | None = rims
+    while coarse is not None:
         # A finer image has about twice the noise.
-        while rim is not None and rim.scale[0] > 1.0 and 2.0 * rim.noise_share[0] <= options.noisy_share:
-            finer = _in_part(full, int(rim.scale[0]) // 2, rim.ellipse, smooth, options)
-            if finer is not None and (finer.is_wide[0] or finer.noise_share[0] > options.noisy_share):
-                break
-            rim = finer
-        if rim is not None:
-            finest.append(rim)
-    return joined(finest) if finest else None
+        may = (coarse.scale > 1.0) & (2.0 * coarse.noise_share <= options.noisy_share)
+        finest.append(rows(coarse, np.flatnonzero(~may)))
+        coarse = rows(coarse, np.flatnonzero(may))
+        if len(coarse.scale) == 0:
+            break
+        finer, of = _in_part(full, int(coarse.scale[0]) // 2, coarse.ellipse, smooth, options)
+        if finer is not None:
+            is_hidden = finer.is_wide | (finer.noise_share > options.noisy_share)
+            finest.append(rows(coarse, of[is_hidden]))
+            finer = rows(finer, np.flatnonzero(~is_hidden))
+        coarse = finer
+    found = joined(finest)
+    return found if len(found.scale) else None
 
 
 def _compared(
     new: Candidates, wanted: BoolArray, candidates: Candidates, rough: list[int], options: DetectionOptions
 ) -> tuple[IntArray, list[int]]:
     """Return which of the rims `new` are not of arcs of `rough` ones, and which of these they explain better."""
-    kept, beaten = np.ones(len(wanted), np.bool_), []
+    kept = np.ones(len(wanted), np.bool_)
+    beaten: list[int] = []
+    if not rough:
+        return np.flatnonzero(kept), beaten
+    near_px = np.maximum(options.same_px, options.rim_tolerance_sigmas * candidates.rms_px[rough])
+    others = candidates.ellipse[rough]
     for k in range(len(wanted)):
-        points = new.edges.points[k][new.on_rim[k]]
-        for i in rough:
-            near_px = max(options.same_px, options.rim_tolerance_sigmas * float(candidates.rms_px[i]))
-            distance = np.abs(rim_distance(candidates.ellipse[i], points))
-            if np.mean(distance < near_px) >= options.least_shared:
-                if wanted[k] and new.stray_px[k] <= options.closer_ratio * candidates.stray_px[i]:
-                    beaten.append(i)
-                else:
-                    kept[k] = False
+        distance = np.abs(rim_distance(others, new.edges.points[k][new.on_rim[k]]))
+        shares = np.mean(distance < near_px[:, None], axis=1) >= options.least_shared
+        is_closer = wanted[k] & (new.stray_px[k] <= options.closer_ratio * candidates.stray_px[rough])
+        beaten += np.array(rough)[shares & is_closer].tolist()
+        kept[k] = not (shares & ~is_closer).any()
     return np.flatnonzero(kept), beaten
 
 

@@ -8,6 +8,7 @@ px: q falls with the area. Shapes much fainter than the contour are not of its k
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -34,6 +35,8 @@ class Surroundings:
 
     points: NDArray[np.signedinteger[Any]]
     """(n, 2) px"""
+    x: NDArray[np.signedinteger[Any]]
+    """(n,) px, of the points"""
     extent: IntArray
     """(n,) longer side of the edge that each is of, px"""
     image: Image
@@ -44,13 +47,17 @@ class Surroundings:
         """Return the edges of a full-size `image`."""
         points = chains.points[::_APART]
         order = np.argsort(points[:, 0], kind="stable")
-        return cls(points[order], chains.extents()[chains.owner[::_APART][order]], image)
+        points = points[order]
+        return cls(points, np.ascontiguousarray(points[:, 0]), chains.extents()[chains.owner[::_APART][order]], image)
 
-    def within(self, center: FloatArray, distance_px: float) -> IntArray:
-        """Return the indices of the points up to `distance_px` from `center` (2,)."""
-        first, last = np.searchsorted(self.points[:, 0], [center[0] - distance_px, center[0] + distance_px])
+    def within(self, center: FloatArray, distance_px: float) -> tuple[IntArray, FloatArray]:
+        """Return the indices (j,) of the points up to `distance_px` from `center` (2,), and the distances squared."""
+        first = int(np.searchsorted(self.x, math.ceil(center[0] - distance_px)))
+        last = int(np.searchsorted(self.x, math.floor(center[0] + distance_px), side="right"))
         apart = self.points[first:last] - center
-        return np.asarray(first + np.flatnonzero(np.einsum("ij,ij->i", apart, apart) <= distance_px**2))
+        square = np.einsum("ij,ij->i", apart, apart)
+        close = np.flatnonzero(square <= distance_px**2)
+        return first + close, square[close]
 
 
 def chance_scores(
@@ -70,36 +77,41 @@ def chance_scores(
     most = np.ones(number)
     may = np.ones(number, np.bool_) if is_evident is None else ~is_evident
     # The border of an edge runs along both of its sides.
-    perimeters = np.pi * (ellipse.semi_major + ellipse.semi_minor) * 2.0 / _APART
+    perimeters = ellipse.perimeter * 2.0 / _APART
     if not (len(edges.points) > options.chance_score * options.least_around * perimeters[may]).any():
         return most
     size = np.sqrt(ellipse.semi_major * ellipse.semi_minor)
     heights = cv2.subtract(cv2.dilate(edges.image, _SQUARE), cv2.erode(edges.image, _SQUARE))
     height = np.median(_at(heights, ellipse.points(_POINTS)), axis=1)
     of_edges = _at(heights, edges.points)
-    own = [edges.within(ellipse.center[k], options.own_semi_majors * ellipse.semi_major[k]) for k in range(number)]
     left = own_scores >= options.chance_score
     owners = np.zeros(len(edges.points), np.int64)
-    for k in np.flatnonzero(left).tolist():
-        owners[own[k]] += 1
+    own: dict[int, IntArray] = {}
     close: list[IntArray] = []
-    near = np.zeros((number, number), np.bool_)
-    for k in range(number):
-        reach = options.around_semi_majors * ellipse.semi_major[k]
-        each = edges.within(ellipse.center[k], reach)
-        is_large = edges.extent[each] >= options.least_alike * 2.0 * ellipse.semi_major[k]
-        each = each[is_large & (of_edges[each] >= options.alike_height * height[k])]
-        close.append(np.setdiff1d(each, own[k], assume_unique=True))
-        near[k] = np.linalg.norm(ellipse.center - ellipse.center[k], axis=1) < reach
-        near[k] &= (size > options.least_alike * size[k]) & (size < size[k] / options.least_alike)
-    odds = options.chance_odds * np.maximum(1.0, (ellipse.semi_minor / options.chance_px) ** 2)
+    near: list[BoolArray] = []
+    for k in np.flatnonzero(left | may).tolist():
+        own_reach = options.own_semi_majors * ellipse.semi_major[k]
+        reach = options.around_semi_majors * ellipse.semi_major[k] if may[k] else own_reach
+        each, square = edges.within(ellipse.center[k], max(reach, own_reach))
+        is_own = square <= own_reach**2
+        if left[k]:
+            own[k] = each[is_own]
+            owners[own[k]] += 1
+        if may[k]:
+            each = each[~is_own]
+            is_large = edges.extent[each] >= options.least_alike * 2.0 * ellipse.semi_major[k]
+            close.append(each[is_large & (of_edges[each] >= options.alike_height * height[k])])
+            is_near = np.linalg.norm(ellipse.center - ellipse.center[k], axis=1) < reach
+            is_near &= (size > options.least_alike * size[k]) & (size < size[k] / options.least_alike)
+            near.append(is_near)
+    odds = options.chance_odds * np.maximum(1.0, (ellipse.semi_minor[may] / options.chance_px) ** 2)
     while True:
-        around = np.array([np.count_nonzero(owners[each] == 0) for each in close]) / perimeters
+        around = np.array([np.count_nonzero(owners[each] == 0) for each in close]) / perimeters[may]
         # Each contour is its own kin.
-        kin = np.maximum(np.count_nonzero(near & left, axis=1), 1)
+        kin = np.maximum(np.count_nonzero(np.array(near) & left, axis=1), 1)
         # As likely as not where it is 1.
         ratio = around / np.maximum(options.least_around, odds * kin)
-        most = np.where(may, np.minimum(1.0, options.chance_score / np.maximum(ratio, 1e-9)), 1.0)
+        most[may] = np.minimum(1.0, options.chance_score / np.maximum(ratio, 1e-9))
         more = left & (most < options.chance_score)
         if not more.any():
             return most

@@ -91,7 +91,6 @@ class Candidates:
         rms_px, step, uneven = _measured(residual, edges.step, which)
         stray_px, uneven = _beyond(rms_px, noise_px), _beyond(uneven, STEP_NOISE * seen_share)
         full = image.full(ellipse)
-        perimeter = np.pi * (full.semi_major + full.semi_minor)
         return cls(
             ellipse=full,
             edges=edges.in_full_size(image.scale),
@@ -104,7 +103,7 @@ class Candidates:
             beside=np.where(share < options.whole_rim, beside, 0.0),
             ragged=stray_px / (options.ragged_px + options.ragged_share * ellipse.semi_major),
             quality=_quality(ellipse.semi_minor, stray_px, uneven, options),
-            evidence=share * perimeter * step / (1.0 + (stray_px / options.evidence_rms_px) ** 2),
+            evidence=share * full.perimeter * step / (1.0 + (stray_px / options.evidence_rms_px) ** 2),
             noise_share=share_of_noise,
             scale=np.full(len(share), float(image.scale)),
             is_polygon=_are_polygons(ellipse, residual, which, edges, options),
@@ -171,13 +170,13 @@ class Candidates:
 
     def _may_be_noise(self, options: DetectionOptions) -> BoolArray:
         """Return (m,) which edges are no higher than the highest that noise alone shows along an ellipse."""
-        length = self.share * np.pi * (self.ellipse.semi_major + self.ellipse.semi_minor) / self.scale
+        length = self.share * self.ellipse.perimeter / self.scale
         return self.noise_share * _by_noise(length, options) > 1.0
 
     def is_noise(self, i: int, which: BoolArray, options: DetectionOptions) -> bool:
         """Return whether the edges `which` (k,) of candidate i are no higher than noise."""
         count = np.count_nonzero(which)
-        perimeter = np.pi * (self.ellipse.semi_major[i] + self.ellipse.semi_minor[i]) / self.scale[i]
+        perimeter = float(self.ellipse.perimeter[i]) / self.scale[i]
         by_noise = self.noise_share[i] * self.step[i] * _by_noise(perimeter * count / len(which), options)
         return bool(by_noise * count > np.abs(self.edges.step[i][which]).sum())
 

@@ -105,7 +105,7 @@ def _most_agreeing(
     """
     rims, draws, _ = starts.shape
     number = np.maximum(np.count_nonzero(usable, axis=1), 1)
-    length = max(3, round(_SEGMENT_SHARE * float(number.max())))
+    length = max(3, round(_SEGMENT_SHARE * points.shape[1]))
     chosen = (starts[..., None] + np.arange(length)) % number[:, None, None, None]
     # The usable points first, in their order.
     order = np.argsort(~usable, axis=1, kind="stable")

@@ -148,6 +148,11 @@ class Ellipse:
         )
 
     @property
+    def perimeter(self) -> FloatArray:
+        """About the length of the rim (...), in the plane's unit: pi (a + b), a fifth too short of a segment."""
+        return np.asarray(np.pi * (self.semi_major + self.semi_minor))
+
+    @property
     def factor(self) -> FloatArray:
         """Matrix `A`, shape (..., 3, 3), with the points `A (cos p, sin p, 1)` on the ellipse.
 

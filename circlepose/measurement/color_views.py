@@ -104,10 +104,11 @@ def measure_circles(
 
     def measured(view: ColorMix | None, count: int | None) -> _View:
         pixels = pixels_in(channels, view)
+        wanted = (count, target.polarity if view is None else "any")
         found = measure_lone_circles(
             pixels.whole,
             camera,
-            replace(target, count=count, polarity=target.polarity if view is None else "any"),
+            target if wanted == (target.count, target.polarity) else replace(target, count=count, polarity=wanted[1]),
             intervals,
             extraction=extraction,
             refine=refine,

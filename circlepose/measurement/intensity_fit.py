@@ -217,7 +217,7 @@ def _has_two_sides(rim: Rim, options: MeasurementOptions) -> bool:
 
 
 def _perimeter(rim: Rim) -> float:
-    return float(np.pi * (rim.ellipse.semi_major + rim.ellipse.semi_minor))
+    return float(rim.ellipse.perimeter)
 
 
 def _chunks(

@@ -172,6 +172,8 @@ class MeasurementOptions:
 
     def with_bounds(self, min_score: float | None, max_residual_px: float | None) -> Self:
         """Return the numbers with the bounds that a caller sets on what counts as round; None leaves one."""
+        if min_score is None and max_residual_px is None:
+            return self
         most_residual_px = self.most_residual_px if max_residual_px is None else max_residual_px
         detection = self.detection.with_least_score(min_score)
         return replace(self, detection=detection, most_residual_px=most_residual_px)

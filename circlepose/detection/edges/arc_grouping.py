@@ -26,7 +26,7 @@ def joined_arcs(arcs: Arcs, longest_px: float, options: EdgeOptions = DEFAULT) -
     weights = np.repeat(lengths[:, None] / lengths.max(), SAMPLES, axis=1)
     scatter = scatter_of((samples - middle) / scale, weights)
     ellipse, found = _fitted(scatter[first] + scatter[second], middle, scale)
-    perimeter = np.pi * (ellipse.semi_major + ellipse.semi_minor)
+    perimeter = ellipse.perimeter
     found &= (lengths[first] + lengths[second] > options.least_pair_cover * perimeter) & (ellipse.semi_minor > 0.0)
     found &= 2.0 * ellipse.semi_major < longest_px
     kept = np.flatnonzero(found)
@@ -41,7 +41,7 @@ def joined_arcs(arcs: Arcs, longest_px: float, options: EdgeOptions = DEFAULT) -
     also[np.arange(len(kept)), second[kept]] = True
     groups = np.unique(also, axis=0)
     ellipse, found = _fitted(np.einsum("fm,mij->fij", groups.astype(np.float64), scatter), middle, scale)
-    perimeter = np.pi * (ellipse.semi_major + ellipse.semi_minor)
+    perimeter = ellipse.perimeter
     cover = groups @ lengths / np.maximum(perimeter, 1e-9)
     # Both borders of one edge may count, hence up to twice the rim.
     found &= (cover > options.least_group_cover) & (cover < options.most_group_cover)
