@@ -138,7 +138,8 @@ def _seen_in_part(full: Reduced, found: Candidates, state: Search, wanted: Wante
     """Add the rims that are found at a second look, if any; returns also how many candidates were not tried."""
     first, options = state.chosen, wanted.options
     # What is rough may be two things: see `second_look`.
-    is_rough = found.ragged >= options.half_ragged
+    # In a smaller image a cover is closer to the rim and looks smooth: as many px count as in the full one.
+    is_rough = np.maximum(found.ragged, found.ragged_in_full(options)) >= options.half_ragged
     smooth = [i for i in whole(found, first, options) if not is_rough[i]]
     rough: list[int] = []
     parted: list[int] = []

@@ -190,6 +190,10 @@ class Candidates:
         is_clean = (self.share >= options.clean_thin_rim) & (self.ragged <= options.half_ragged)
         return are_thin(self.ellipse, options=options.photometry) & (wanted | ~is_clean)
 
+    def ragged_in_full(self, options: DetectionOptions) -> FloatArray:
+        """Return (m,) the same as `ragged`, by px of the full image."""
+        return np.asarray(self.stray_px / (options.ragged_px + options.ragged_share * self.ellipse.semi_major))
+
     @property
     def stray_px(self) -> FloatArray:
         """(m,) rms distance of the edges from the ellipse beyond noise."""

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import circlepose
+from benchmarks import sweep
 from benchmarks.support.scoring import TrueCircle, error
 from circlepose.camera.camera import Camera, circle_contour
 from circlepose.fitting.arc_precision import axis_errors, curvature_radius
@@ -108,3 +109,12 @@ def test_the_shorter_the_arc_the_more_open_the_axis():
 def test_the_curvature_at_the_ends_of_the_axes():
     radius = curvature_radius(Ellipse.from_axes([0.0, 0.0], [50.0, 10.0], 0.3), 4)
     np.testing.assert_allclose(radius, [2.0, 250.0, 2.0, 250.0])
+
+
+@pytest.mark.parametrize("view", [189, 283, 351])
+def test_a_cover_along_the_rim_is_seen_though_a_smaller_image_shows_none(view):
+    # Reduced by 4 or 8, an ellipse passes through the rim and the cover's edge within a tenth of a pixel.
+    drawn, _ = sweep.scene(1999, view, 20)
+    (circle,) = circlepose.estimate(render(drawn), sweep.CAMERA, sweep.TARGET).circles
+    (disc,) = drawn.targets
+    assert min(np.linalg.norm(each.center - disc.center_mm) for each in circle.candidates) < 5.0
