@@ -209,7 +209,7 @@ COLUMNS = (
     "position / bound",
     "normal / bound",
     "sigma / bound",
-    "NEES centre",
+    "NEES center",
     "NEES pose",
     "beyond first order",
     "no covariance",
