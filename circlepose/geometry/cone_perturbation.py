@@ -72,7 +72,9 @@ def coefficients_between(factor: FloatArray, dual: FloatArray) -> FloatArray:
     return _coefficients(local / _scale(local)[..., None, None] - np.diag(SIGNATURE))
 
 
-def pose_coefficients(factor: FloatArray, center: FloatArray, normal: FloatArray, radius: float) -> FloatArray:
+def pose_coefficients(
+    factor: FloatArray, center: FloatArray, normal: FloatArray, radius: float | FloatArray
+) -> FloatArray:
     """Return the coefficients by which the cone of a circle differs from a cone close to it.
 
     Parameters
@@ -89,7 +91,7 @@ def pose_coefficients(factor: FloatArray, center: FloatArray, normal: FloatArray
     return coefficients_between(factor, dual_circle(center, normal, radius))
 
 
-def dual_circle(center: FloatArray, normal: FloatArray, radius: float) -> FloatArray:
+def dual_circle(center: FloatArray, normal: FloatArray, radius: float | FloatArray) -> FloatArray:
     """Return the dual cones of circles: see `cone.dual_cone`.
 
     Parameters
@@ -104,7 +106,9 @@ def dual_circle(center: FloatArray, normal: FloatArray, radius: float) -> FloatA
     return np.asarray(radius**2 * (np.eye(3) - _outer(normal, normal)) - _outer(center, center))
 
 
-def pose_derivatives(factor: FloatArray, center: FloatArray, normal: FloatArray, radius: float) -> FloatArray:
+def pose_derivatives(
+    factor: FloatArray, center: FloatArray, normal: FloatArray, radius: float | FloatArray
+) -> FloatArray:
     """Return the derivatives of the modes' coefficients by the pose of a circle.
 
     Parameters

@@ -47,7 +47,7 @@ def evidence_of_rims(rims: tuple[SolvedRim, ...], target: Target, options: RingO
     # One circle hides a part of the other, or nearly does, so that the surroundings change along the rim.
     beside = target.kind == "coaxial" and _gap_px(rims[0].rim, rims[1].rim) < options.beside_px
     return tuple(
-        _evidence(each.rim, radius, _within_model(each.seen), options, beside=beside)
+        evidence_of_rim(each.rim, radius, each.seen, options, beside=beside)
         for each, radius in zip(rims, target.radii_mm, strict=True)
     )
 
@@ -103,8 +103,25 @@ def from_edges(
     return RimEvidence(factor, radius, coefficients, slopes.T @ slopes / variance)
 
 
-def _evidence(rim: Rim, radius: float, seen: Observations, options: RingOptions, *, beside: bool) -> RimEvidence:
-    """Return the evidence of one rim; `beside`: it is disturbed by another."""
+def evidence_of_rim(
+    rim: Rim, radius: float, observations: Observations, options: RingOptions = DEFAULT, *, beside: bool = False
+) -> RimEvidence:
+    """Return what one rim says of its circle's cone, from its levels unless its edges contradict them.
+
+    Parameters
+    ----------
+    rim
+        The measured rim.
+    radius
+        Of its circle.
+    observations
+        The points of the rim, with their rays.
+    options
+        The numbers of ring targets.
+    beside
+        Whether it is disturbed by another rim.
+    """
+    seen = _within_model(observations)
     semi_major, semi_minor = float(rim.ellipse.semi_major), float(rim.ellipse.semi_minor)
     common = min(options.common_error_px3 / semi_minor**2, options.most_common_error_px)
     common = common * (options.beside_edge_ratio if beside else 1.0)

@@ -1,0 +1,1 @@
+"""Boards of circles: which circle is which, and one rigid pose from all of them."""

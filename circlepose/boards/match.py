@@ -1,0 +1,116 @@
+"""Which rim is which circle of which board: starts from lattices, or from pairs of rims, each followed to its end."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from circlepose._typing import IntArray
+from circlepose.boards.constellation import constellations
+from circlepose.boards.diagnosis import why_no_lattice
+from circlepose.boards.lattice import Patch, lattices
+from circlepose.boards.options import DEFAULT, BoardOptions
+from circlepose.boards.placement import neighbor_radii, place
+from circlepose.boards.pose import pose_of_plane
+from circlepose.boards.refinement import FoundBoard, Scene, settled
+from circlepose.boards.symmetry import symmetries
+from circlepose.targets.board import BoardLayout
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Matches:
+    """The boards of an image, and why others are not."""
+
+    boards: tuple[FoundBoard, ...] = ()
+    refusals: tuple[str, ...] = field(default=())
+    """why what looks like the layout is not it, one sentence each"""
+
+
+def find_boards(scene: Scene, layout: BoardLayout, count: int | None, options: BoardOptions = DEFAULT) -> Matches:
+    """Return the boards in an image, those of most circles first, `count` at most."""
+    if len(scene.rims) < 2:
+        return Matches()
+    taken: set[int] = set()
+    boards: list[FoundBoard] = []
+    refusals: list[str] = []
+    patches: list[Patch] = []
+    if layout.grid is not None:
+        patches = lattices(scene.ellipse, neighbor_radii(layout.grid, layout), layout.grid.order, options)
+    for patch in patches:
+        if count is not None and len(boards) >= count:
+            break
+        if taken & set(patch.members.tolist()) or len(patch.members) < options.least_on_lattice:
+            continue
+        placed = place(patch, scene.ellipse, layout, scene.image_size, options)
+        if isinstance(placed, str):
+            refusals.append(placed)
+            continue
+        start = pose_of_plane(layout.centers_mm[placed.circles], scene.rays[placed.members], layout.normals[0])
+        if start is not None:
+            board = settled(scene, layout, placed.members, placed.circles, start, taken, options)
+            if isinstance(board, str):
+                refusals.append(board)
+            else:
+                boards.append(board)
+                taken |= set(board.members.tolist())
+    if layout.grid is not None and not boards and not refusals and len(layout) >= options.least_diagnosed:
+        reason = why_no_lattice(scene.ellipse, layout, options)
+        refusals += [reason] if reason else []
+    # Where there is a lattice it says which circle is which.
+    while not patches or not (boards or refusals):
+        if count is not None and len(boards) >= count:
+            break
+        free = np.array([i for i in range(len(scene.rims)) if i not in taken], np.int64)
+        board = _by_pairs(scene, layout, free, taken, options) if len(free) > 1 else None
+        if board is None:
+            break
+        if isinstance(board, str):
+            refusals.append(board)
+            break
+        boards.append(board)
+        taken |= set(board.members.tolist())
+    return Matches(tuple(boards), tuple(refusals))
+
+
+def _by_pairs(
+    scene: Scene, layout: BoardLayout, free: IntArray, taken: set[int], options: BoardOptions
+) -> FoundBoard | str | None:
+    """Return the board that most of the rims `free` are of, without a lattice."""
+    layouts = [layout]
+    if layout.grid is None and layout.is_planar and layout.side != "front":
+        layouts = [layout.seen_from_behind] if layout.side == "back" else [layout, layout.seen_from_behind]
+    tries = []
+    for each in layouts:
+        for start in constellations(scene.seen, each, scene.camera, free, options):
+            board = settled(scene, each, start.members, start.circles, start.pose, taken, options)
+            if isinstance(board, FoundBoard):
+                tries.append((board, each))
+    if not tries:
+        return None
+    tries.sort(key=lambda found: (-np.count_nonzero(found[0].fits[0].used), found[0].fits[0].misfit))
+    best, own = tries[0]
+    same = symmetries(own)
+    for other, _ in tries[1:]:
+        if not _is_same(best, other, same) and _is_as_good(other, best, options):
+            used = np.count_nonzero(other.fits[0].used)
+            return f"{used} circles fit the layout in more than one way; more of its circles are needed, or a mark"
+    return best
+
+
+def _is_same(first: FoundBoard, second: FoundBoard, same: Sequence[IntArray]) -> bool:
+    """Whether two assignments are one but for a symmetry of the layout, in what both assign."""
+    own = dict(zip(first.members.tolist(), first.circles.tolist(), strict=True))
+    other = dict(zip(second.members.tolist(), second.circles.tolist(), strict=True))
+    both = sorted(own.keys() & other.keys())
+    if not both:
+        return False
+    return any(all(permutation[own[i]] == other[i] for i in both) for permutation in same)
+
+
+def _is_as_good(other: FoundBoard, best: FoundBoard, options: BoardOptions) -> bool:
+    used, most = (int(np.count_nonzero(each.fits[0].used)) for each in (other, best))
+    if used < most:
+        return False
+    return other.fits[0].misfit < best.fits[0].misfit * (1.0 + best.fits[0].excess) + options.most_chi_square

@@ -1,0 +1,238 @@
+"""Where on its board a lattice of circles lies: which of its circles is which.
+
+A lattice fits its grid after a shift and a turn. Each is judged by what it leaves unexplained: circles on the lattice
+that the layout does not have, circles of the layout that should be in the image and are not, and circles of another
+size than the layout's. Shifts and turns that map the layout on itself are one place. The best place counts only where
+all others are far less likely; else nothing is assigned.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from circlepose._typing import BoolArray, FloatArray, IntArray
+from circlepose.boards.lattice import Patch, turned
+from circlepose.boards.options import DEFAULT, BoardOptions
+from circlepose.boards.symmetry import symmetries
+from circlepose.geometry.ellipse import Ellipse
+from circlepose.targets.board import BoardLayout, Grid
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Placement:
+    """Which circle of the layout each circle of a lattice is."""
+
+    members: IntArray
+    """(k,) indices of ellipses"""
+    circles: IntArray
+    """(k,) of the layout's circles, of each of them"""
+    foreign: IntArray
+    """indices of the ellipses on the lattice that are not the layout's"""
+    missing: int
+    """circles of the layout that should be in the image and were not found"""
+    odds: float
+    """log odds of this place over the best other one, infinite where there is none"""
+
+
+def place(
+    patch: Patch,
+    ellipse: Ellipse,
+    layout: BoardLayout,
+    image_size: tuple[int, int],
+    options: BoardOptions = DEFAULT,
+) -> Placement | str:
+    """Return where a lattice lies on a grid, or why that is not known: two places are as likely, or none fits.
+
+    Parameters
+    ----------
+    patch
+        The lattice.
+    ellipse
+        (m,) those of the image, px.
+    layout
+        Of a grid.
+    image_size
+        Width and height, px.
+    options
+        The numbers of boards.
+    """
+    assert layout.grid is not None
+    same = symmetries(layout)
+    scored: list[tuple[float, IntArray, int]] = []
+    sizes = _relative_sizes(patch, ellipse, options)
+    for nodes, common in _candidates(patch, layout, options):
+        most = options.foreign_log * (len(nodes) - common)
+        if scored and most < max(each[0] for each in scored) - 2.0 * options.decisive_log:
+            break
+        score, circles, missing = _judged(patch, nodes, sizes, ellipse, layout, image_size, options)
+        # Equal but for a symmetry of the layout.
+        again = any(
+            np.array_equal(permutation[circles[circles >= 0]], other[circles >= 0])
+            and (other >= 0).sum() == (circles >= 0).sum()
+            for _, other, _ in scored
+            for permutation in same
+        )
+        if not again:
+            scored.append((score, circles, missing))
+    scored.sort(key=lambda each: -each[0])
+    best, circles, missing = scored[0]
+    odds = best - scored[1][0] if len(scored) > 1 else np.inf
+    on_board = circles >= 0
+    number, shared = len(circles), int(np.count_nonzero(on_board))
+    if shared < options.least_share * number:
+        return (
+            f"{number} circles lie on the layout's lattice, {shared} of them fit it: more rows or columns than stated"
+        )
+    if odds < options.decisive_log:
+        return (
+            f"{number} circles fit the layout in more than one place; more of its circles are needed in the image, "
+            "or a mark"
+        )
+    return Placement(patch.members[on_board], circles[on_board], patch.members[~on_board], missing, float(odds))
+
+
+def _index_of(layout: BoardLayout) -> dict[tuple[int, int], int]:
+    return {(a, b): i for i, (a, b) in enumerate(layout.node_of.tolist())}
+
+
+def _candidates(patch: Patch, layout: BoardLayout, options: BoardOptions) -> Iterator[tuple[IntArray, int]]:
+    """Yield the nodes (k, 2) of the patch in the layout's lattice, for the turns and shifts with most circles in common.
+
+    With each, how many these are.
+    """
+    assert layout.grid is not None
+    order = layout.grid.order
+    ranked: list[tuple[int, int, IntArray]] = []
+    for turn in range(order):
+        nodes = turned(patch.nodes, turn, order)
+        shifts, numbers = _shifts(nodes, layout.node_of)
+        best = np.argsort(-numbers, kind="stable")[: options.most_places]
+        ranked += [(int(numbers[i]), turn, shifts[i]) for i in best.tolist()]
+    ranked.sort(key=lambda each: -each[0])
+    for number, turn, shift in ranked[: options.most_places]:
+        yield turned(patch.nodes, turn, order) + shift, number
+
+
+def _shifts(nodes: IntArray, others: IntArray) -> tuple[IntArray, IntArray]:
+    """Return the shifts (s, 2) that bring any of `nodes` to any of `others`, and how many each brings (s,)."""
+    differences = (others[None] - nodes[:, None]).reshape(-1, 2)
+    low = differences.min(axis=0)
+    wide = int(np.ptp(differences[:, 1])) + 1
+    key = (differences[:, 0] - low[0]) * wide + differences[:, 1] - low[1]
+    numbers = np.bincount(key)
+    used = np.flatnonzero(numbers)
+    return np.column_stack([used // wide, used % wide]) + low, numbers[used]
+
+
+def _judged(
+    patch: Patch,
+    nodes: IntArray,
+    sizes: FloatArray,
+    ellipse: Ellipse,
+    layout: BoardLayout,
+    image_size: tuple[int, int],
+    options: BoardOptions,
+) -> tuple[float, IntArray, int]:
+    """Return the log likelihood of a place, the layout's circle of each ellipse (k,), -1 where it has none, and those missing."""
+    index = layout.index_of_node
+    circles = np.array([index.get((a, b), -1) for a, b in nodes.tolist()], np.int64)
+    on_board = circles >= 0
+    score = options.foreign_log * float(np.count_nonzero(~on_board))
+    radius = layout.radius_mm[circles[on_board]] / layout.usual_radius_mm
+    unlike = np.abs(sizes[on_board] / radius - 1.0) > options.size_tolerance
+    # Where sizes differ without reason they tell nothing.
+    score += options.unlike_log * float(np.count_nonzero(unlike))
+    absent = np.setdiff1d(np.arange(len(layout)), circles[on_board])
+    inside = _are_inside(patch, nodes, ellipse, layout.node_of[absent], image_size)
+    missing = int(np.count_nonzero(inside))
+    return score + options.hidden_log * missing, circles, missing
+
+
+def _are_inside(
+    patch: Patch, nodes: IntArray, ellipse: Ellipse, absent: IntArray, image_size: tuple[int, int]
+) -> BoolArray:
+    """Return which nodes `absent` (j, 2) are seen within the image, by a map of the lattice to it."""
+    if len(absent) == 0:
+        return np.zeros(0, np.bool_)
+    own = ellipse[patch.members]
+    places = projected(nodes.astype(np.float64), own.center, absent.astype(np.float64))
+    margin = 1.5 * float(np.median(own.semi_major))
+    width, height = image_size
+    with np.errstate(invalid="ignore"):
+        return np.asarray(
+            (places[:, 0] > margin)
+            & (places[:, 0] < width - 1.0 - margin)
+            & (places[:, 1] > margin)
+            & (places[:, 1] < height - 1.0 - margin)
+        )
+
+
+def projected(source: FloatArray, target: FloatArray, points: FloatArray) -> FloatArray:
+    """Return `points` (j, 2) by the projective map fitted to `source` (k, 2) -> `target` (k, 2); NaN behind the camera.
+
+    The map is affine with fewer than 6 points, or those of one line or two.
+    """
+    homography = fitted_homography(source, target)
+    mapped = np.column_stack([points, np.ones(len(points))]) @ homography.T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(mapped[:, 2:] > 1e-9, mapped[:, :2] / mapped[:, 2:], np.nan)
+
+
+def fitted_homography(source: FloatArray, target: FloatArray) -> FloatArray:
+    """Return (3, 3) the least-squares homography from `source` (k, 2) to `target` (k, 2), positive on the source."""
+    to_source, to_target = _centered(source), _centered(target)
+    x, y = (source @ to_source[:2, :2].T + to_source[:2, 2]).T
+    u, v = (target @ to_target[:2, :2].T + to_target[:2, 2]).T
+    one, zero = np.ones_like(x), np.zeros_like(x)
+    affine = np.linalg.lstsq(np.column_stack([x, y, one]), np.column_stack([u, v]), rcond=None)[0]
+    local = np.vstack([affine.T, [0.0, 0.0, 1.0]])
+    if len(x) >= 6:
+        rows = np.concatenate(
+            [
+                np.column_stack([x, y, one, zero, zero, zero, -u * x, -u * y, -u]),
+                np.column_stack([zero, zero, zero, x, y, one, -v * x, -v * y, -v]),
+            ]
+        )
+        _, values, vectors = np.linalg.svd(rows, full_matrices=False)
+        found = vectors[-1].reshape(3, 3)
+        depth = found[2] @ np.stack([x, y, one])
+        # Points of one or two lines leave a second solution.
+        if values[-2] > 1e-3 * values[0] and (np.all(depth > 0.0) or np.all(depth < 0.0)):
+            local = found * np.sign(depth[0])
+    return np.asarray(np.linalg.inv(to_target) @ local @ to_source)
+
+
+def _centered(points: FloatArray) -> FloatArray:
+    """Return (3, 3) the map that brings `points` (k, 2) to the mean 0 and about the extent 1."""
+    middle, extent = points.mean(axis=0), max(float(np.ptp(points, axis=0).max()), 1e-9)
+    return np.array(
+        [[1.0 / extent, 0.0, -middle[0] / extent], [0.0, 1.0 / extent, -middle[1] / extent], [0.0, 0.0, 1.0]]
+    )
+
+
+def _relative_sizes(patch: Patch, ellipse: Ellipse, options: BoardOptions) -> FloatArray:
+    """Return (k,) the size of each circle over that of a usual one at its place.
+
+    Of equal circles in a plane the areas seen are as the cube of 1/depth, which is linear in the nodes.
+    """
+    own = ellipse[patch.members]
+    per_depth = np.cbrt(own.semi_major * own.semi_minor)
+    nodes = patch.nodes - patch.nodes.mean(axis=0)
+    design = np.column_stack([np.ones(len(nodes)), nodes])
+    weight = np.ones(len(nodes))
+    usual = np.full(len(nodes), np.median(per_depth))
+    for _ in range(options.size_rounds):
+        # Half of the circles at least are usual ones.
+        off = np.abs(per_depth / usual - 1.0)
+        weight = 1.0 / (1.0 + (off / max(float(np.median(off)), options.size_noise)) ** 2)
+        solution = np.linalg.lstsq(design * weight[:, None], per_depth * weight, rcond=None)[0]
+        usual = np.maximum(design @ solution, 1e-3 * per_depth)
+    return np.asarray((per_depth / usual) ** 1.5)
+
+
+def neighbor_radii(grid: Grid, layout: BoardLayout) -> float:
+    """Return the distance of neighbors in the usual radius."""
+    return grid.neighbor_mm / layout.usual_radius_mm

@@ -1,0 +1,364 @@
+"""One rigid pose of a board from the rims of its circles. Pure NumPy.
+
+Each rim gives the coefficients of its cone's modes, with an information matrix. The pose minimizes the sum of squared
+misfits, by damped Gauss-Newton: a rotation about the board's origin, in camera axes, and a translation. A rim that fits
+none but itself does not count. Where the discs are not as large as stated beside their distances, one factor of all
+radii is found, too: printers and blur change the radii of small discs by percents, but hardly the distances.
+
+A planar board that is seen from afar has two poses, nearly mirror images; both are fitted and compared by Student's t.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from circlepose._numerics import STUDENT_FREEDOM, logistic, student_log_likelihood
+from circlepose._typing import BoolArray, FloatArray
+from circlepose.boards.options import DEFAULT, BoardOptions
+from circlepose.geometry.cone import plane_basis
+from circlepose.geometry.cone_perturbation import MODES, pose_coefficients, pose_derivatives
+
+FREE = 6
+"""Parameters of a rigid pose."""
+_MEDIAN_CHI_SQUARE = 4.35
+"""Of five degrees of freedom; exact."""
+_ROUNDS, _STEPS = 8, 30
+_LEAST_GAIN = 1e-4
+"""Chi-square; a step that would gain less is the last; numerical."""
+_LONGEST_STEP = 0.3
+"""Longest step: of the place in shares of the distance, of the rotation in rad; numerical."""
+_WORST_CONDITION = 1e14
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RigidPose:
+    """Takes the board's coordinates into the camera frame: x -> R x + t."""
+
+    rotation: FloatArray
+    """(3, 3) R"""
+    translation: FloatArray
+    """(3,) t, mm"""
+
+    def moved(self, step: FloatArray) -> RigidPose:
+        """Return the pose after a step (6,): a translation, mm, and a rotation vector in camera axes, rad."""
+        return RigidPose(rotation_of(step[3:]) @ self.rotation, self.translation + step[:3])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BoardRims:
+    """The measured rims of k circles of a board, and their places on it."""
+
+    centers_mm: FloatArray
+    """(k, 3) on the board"""
+    normals: FloatArray
+    """(k, 3) on the board, unit"""
+    radius_mm: FloatArray
+    """(k,)"""
+    factor: FloatArray
+    """(k, 3, 3) of the measured cones, camera frame"""
+    coefficients: FloatArray
+    """(k, 5) of the modes about these factors, most likely"""
+    information: FloatArray
+    """(k, 5, 5) inverse of their covariance"""
+
+    def __len__(self) -> int:
+        return len(self.radius_mm)
+
+    def __getitem__(self, which: object) -> BoardRims:
+        """Return those rims that `which` (mask or indices) names."""
+        return BoardRims(*(getattr(self, name)[which] for name in self.__slots__))
+
+    def grown(self, growth: float) -> BoardRims:
+        """Return the same rims of circles whose radii are larger by the share `growth`."""
+        return replace(self, radius_mm=self.radius_mm * (1.0 + growth))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BoardFit:
+    """A pose of a board, a local minimum of the misfit."""
+
+    pose: RigidPose
+    growth: float
+    """share by which all radii are larger than stated; 0 where they are taken as stated"""
+    chi_square: FloatArray
+    """(k,) misfit of each rim"""
+    used: BoolArray
+    """(k,) the rims that count"""
+    covariance: FloatArray
+    """(6, 6) of the translation (mm) and of the rotation vector in camera axes (rad), as the rims' noise brings it"""
+    freedom: int
+    """degrees of freedom of the misfit"""
+
+    @property
+    def misfit(self) -> float:
+        """Chi-square of the rims that count."""
+        return float(self.chi_square[self.used].sum())
+
+    @property
+    def excess(self) -> float:
+        """The ratio, at least 1, by which the misfit inflates variances."""
+        return max(1.0, (STUDENT_FREEDOM + self.misfit) / (STUDENT_FREEDOM + max(self.freedom, 0)))
+
+    @property
+    def log_weight(self) -> float:
+        """Logarithm of the probability of all poses around this one, up to a constant."""
+        spread = 0.5 * float(np.linalg.slogdet(self.covariance)[1])
+        return float(student_log_likelihood(self.misfit, max(self.freedom, 1))) + spread
+
+
+def circles_at(rims: BoardRims, pose: RigidPose, growth: float = 0.0) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return centers (k, 3), normals (k, 3) and radii (k,) of the circles in the camera frame, mm."""
+    return (
+        rims.centers_mm @ pose.rotation.T + pose.translation,
+        rims.normals @ pose.rotation.T,
+        rims.radius_mm * (1.0 + growth),
+    )
+
+
+def fit_board(
+    rims: BoardRims, start: RigidPose, options: BoardOptions = DEFAULT, *, may_grow: bool = True
+) -> BoardFit | None:
+    """Return the pose near `start` that fits most of the rims; None where they determine none.
+
+    `may_grow`: all radii may be larger, or smaller, than stated, where the rims show it beyond doubt.
+    """
+    fit = _robust(rims, start, None, options)
+    if fit is None or not may_grow or np.count_nonzero(fit.used) < options.least_growing:
+        return fit
+    grown = _robust(rims, fit.pose, fit, options)
+    if grown is None:
+        return fit
+    # Both judged on the same rims, in units of the better misfit.
+    both = fit.used & grown.used
+    scale = max(1.0, float(np.median(grown.chi_square[both])) / _MEDIAN_CHI_SQUARE) if both.any() else 1.0
+    gain = float(fit.chi_square[both].sum() - grown.chi_square[both].sum()) / scale
+    more = np.count_nonzero(grown.used) > np.count_nonzero(fit.used)
+    return grown if gain > options.growth_chi_square or (more and gain > 0.0) else fit
+
+
+def minimum_near(rims: BoardRims, start: RigidPose) -> BoardFit | None:
+    """Return the minimum of the misfit of all rims near a pose; None where they determine none."""
+    every = np.ones(len(rims))
+    found = _solved(rims, start, 0.0, every, grows=False)
+    return None if found is None else _fit_at(rims, found[0], 0.0, every > 0.0, grows=False)
+
+
+def mirrored(pose: RigidPose, center: FloatArray, normal: FloatArray) -> RigidPose:
+    """Return the pose of a board with the other tilt that looks alike from afar.
+
+    The board is turned about `center` (3,), on the board, until its `normal` (3,) is reflected on the line of sight.
+    """
+    middle = pose.rotation @ center + pose.translation
+    sight = middle / np.linalg.norm(middle)
+    own = pose.rotation @ normal
+    other = 2.0 * (own @ sight) * sight - own
+    axis = np.cross(own, other)
+    sine, cosine = float(np.linalg.norm(axis)), float(own @ other)
+    vector = axis * (np.arctan2(sine, cosine) / sine) if sine > 1e-12 else np.zeros(3)
+    turn = rotation_of(vector)
+    return RigidPose(turn @ pose.rotation, middle - turn @ pose.rotation @ center)
+
+
+def chance_of_second(first: BoardFit, second: BoardFit) -> float:
+    """Return the probability of the second of two fits to the same rims."""
+    return float(logistic(second.log_weight - first.log_weight))
+
+
+def pose_of_plane(points_mm: FloatArray, rays: FloatArray, normal: FloatArray) -> RigidPose | None:
+    """Return the pose of a planar board from the rays of its centers, as a start: it takes imaged centers for these.
+
+    Parameters
+    ----------
+    points_mm
+        (k, 3) in the board's frame, all in one plane.
+    rays
+        (k, 3) in the camera frame.
+    normal
+        (3,) of the plane, towards the viewer.
+
+    Returns
+    -------
+    None with fewer than four points, or those of one line, or where no pose has them all in front of the camera.
+    """
+    first, second = plane_basis(normal)
+    # In a frame with x, y in the plane and z away from the viewer.
+    basis = np.stack([first, second, -normal])
+    if np.linalg.det(basis) < 0.0:
+        basis = np.stack([second, first, -normal])
+    middle = points_mm.mean(axis=0)
+    flat = (points_mm - middle) @ basis.T
+    extent = float(np.abs(flat[:, :2]).max())
+    ahead = rays[:, 2] > 1e-6
+    if np.count_nonzero(ahead) < 4 or extent == 0.0:
+        return None
+    x, y = flat[ahead, 0] / extent, flat[ahead, 1] / extent
+    u, v = rays[ahead, 0] / rays[ahead, 2], rays[ahead, 1] / rays[ahead, 2]
+    one, zero = np.ones_like(x), np.zeros_like(x)
+    rows = np.concatenate(
+        [
+            np.column_stack([x, y, one, zero, zero, zero, -u * x, -u * y, -u]),
+            np.column_stack([zero, zero, zero, x, y, one, -v * x, -v * y, -v]),
+        ]
+    )
+    _, values, vectors = np.linalg.svd(rows)
+    if len(values) < 8 or values[7] < 1e-9 * values[0]:
+        return None
+    found = vectors[-1].reshape(3, 3)
+    found = found * np.sign(float(np.median(found[2] @ np.stack([x, y, one]))))
+    scale = np.sqrt(np.linalg.norm(found[:, 0]) * np.linalg.norm(found[:, 1]))
+    across, down, place = found.T / scale
+    left, _, right = np.linalg.svd(np.stack([across, down, np.cross(across, down)], axis=1))
+    rotation = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right @ basis
+    translation = place * extent - rotation @ middle
+    if place[2] <= 0.0:
+        return None
+    return RigidPose(rotation, translation)
+
+
+def rotation_of(vector: FloatArray) -> FloatArray:
+    """Return the rotation (3, 3) about a vector (3,) by its length, rad."""
+    angle = float(np.linalg.norm(vector))
+    cross = _cross(vector)
+    if angle < 1e-8:
+        return np.asarray(np.eye(3) + cross + 0.5 * cross @ cross)
+    return np.asarray(np.eye(3) + np.sin(angle) / angle * cross + (1.0 - np.cos(angle)) / angle**2 * cross @ cross)
+
+
+def circle_derivatives(rims: BoardRims, pose: RigidPose) -> FloatArray:
+    """Return d circle's pose (center, two tilts) / d pose of the board, (k, 5, 6)."""
+    arm = rims.centers_mm @ pose.rotation.T
+    normals = rims.normals @ pose.rotation.T
+    derivatives = np.zeros((len(rims), 5, FREE))
+    derivatives[:, :3, :3] = np.eye(3)
+    # d x arm = -[arm] d.
+    derivatives[:, :3, 3:] = -_cross(arm)
+    tilts = np.stack(plane_basis(normals), axis=-2)
+    derivatives[:, 3:, 3:] = -tilts @ _cross(normals)
+    return derivatives
+
+
+def _robust(rims: BoardRims, start: RigidPose, before: BoardFit | None, options: BoardOptions) -> BoardFit | None:
+    """Fit with weights that fall with the misfit, then without the rims that misfit; with `before` the radii grow."""
+    pose, growth = start, 0.0
+    grows = before is not None
+    chi_square = chi_squares(rims, pose, growth)
+    for _ in range(_ROUNDS):
+        scale = max(1.0, float(np.median(chi_square)) / _MEDIAN_CHI_SQUARE)
+        weight = 1.0 / (1.0 + chi_square / (scale * 2.0 * MODES))
+        step = _solved(rims, pose, growth, weight, grows=grows)
+        if step is None:
+            return None
+        pose, growth = step
+        former, chi_square = chi_square, chi_squares(rims, pose, growth)
+        if np.abs(chi_square - former).max(initial=0.0) < 0.01 * scale:
+            break
+    used = np.ones(len(rims), np.bool_)
+    for _ in range(_ROUNDS):
+        scale = max(1.0, float(np.median(chi_square)) / _MEDIAN_CHI_SQUARE)
+        kept = chi_square <= options.most_chi_square * scale
+        if np.count_nonzero(kept) < 2:
+            kept = chi_square <= np.sort(chi_square)[1]
+        step = _solved(rims, pose, growth, kept.astype(np.float64), grows=grows)
+        if step is None:
+            return None
+        pose, growth = step
+        chi_square = chi_squares(rims, pose, growth)
+        if np.array_equal(kept, used):
+            break
+        used = kept
+    return _fit_at(rims, pose, growth, kept, grows=grows)
+
+
+def _fit_at(rims: BoardRims, pose: RigidPose, growth: float, used: BoolArray, *, grows: bool) -> BoardFit | None:
+    """Return the fit whose minimum is at `pose`; None where the rims `used` (k,) do not determine it."""
+    matrix, _ = _equations(rims, pose, growth, used.astype(np.float64), grows=grows)
+    size = _size(pose, grows=grows)
+    scaled = matrix * np.outer(size, size)
+    if not np.all(np.isfinite(scaled)) or np.linalg.cond(scaled) > _WORST_CONDITION:
+        return None
+    covariance = (np.linalg.inv(scaled) * np.outer(size, size))[:FREE, :FREE]
+    freedom = MODES * int(np.count_nonzero(used)) - len(size)
+    return BoardFit(pose, growth, chi_squares(rims, pose, growth), used, covariance, freedom)
+
+
+def _solved(
+    rims: BoardRims, pose: RigidPose, growth: float, weight: FloatArray, *, grows: bool
+) -> tuple[RigidPose, float] | None:
+    """Return the minimum of the weighted misfit near a pose, by damped Gauss-Newton."""
+    cost, damping = float(weight @ chi_squares(rims, pose, growth)), 1e-6
+    for _ in range(_STEPS):
+        matrix, gradient = _equations(rims, pose, growth, weight, grows=grows)
+        size = _size(pose, grows=grows)
+        matrix, gradient = matrix * np.outer(size, size), gradient * size
+        if not 0.0 < np.trace(matrix) < np.inf:
+            return None
+        ridge = 1e-14 * np.trace(matrix) * np.eye(len(size))
+        gain = float(gradient @ np.linalg.solve(matrix + ridge, gradient))
+        while damping < 1e8:
+            step = -np.linalg.solve(matrix + ridge + damping * np.diag(np.diag(matrix)), gradient)
+            step = step * min(1.0, _LONGEST_STEP / max(float(np.max(np.abs(step))), 1e-300)) * size
+            trial, trial_growth = pose.moved(step[:FREE]), growth + (float(step[FREE]) if grows else 0.0)
+            trial_cost = float(weight @ chi_squares(rims, trial, trial_growth))
+            if trial_cost <= cost:
+                break
+            damping = max(damping * 10.0, 1e-6)
+        else:
+            break
+        pose, growth, cost, damping = trial, trial_growth, trial_cost, damping * 0.1
+        if gain < _LEAST_GAIN * max(1.0, cost):
+            break
+    return pose, growth
+
+
+def _size(pose: RigidPose, *, grows: bool) -> FloatArray:
+    """Return the units in which all parameters are of one kind."""
+    distance = max(float(np.linalg.norm(pose.translation)), 1e-9)
+    return np.array([distance] * 3 + [1.0] * (4 if grows else 3))
+
+
+def _away(rims: BoardRims, pose: RigidPose, growth: float) -> FloatArray:
+    return pose_coefficients(rims.factor, *_placed(rims, pose, growth)) - rims.coefficients
+
+
+def _placed(rims: BoardRims, pose: RigidPose, growth: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    center, normal, radius = circles_at(rims, pose, growth)
+    return center, normal, radius[:, None, None]
+
+
+def chi_squares(rims: BoardRims, pose: RigidPose, growth: float = 0.0) -> FloatArray:
+    """Return the misfit (k,) of each rim at a pose."""
+    away = _away(rims, pose, growth)
+    misfit = np.einsum("ki,kij,kj->k", away, rims.information, away)
+    return np.where(np.isfinite(misfit), misfit, 1e30)
+
+
+def _equations(
+    rims: BoardRims, pose: RigidPose, growth: float, weight: FloatArray, *, grows: bool
+) -> tuple[FloatArray, FloatArray]:
+    """Return the matrix and the right side of the normal equations."""
+    center, normal, radius = circles_at(rims, pose, growth)
+    own = pose_derivatives(rims.factor, center, normal, radius[:, None, None])
+    slopes = own[..., :5] @ circle_derivatives(rims, pose)
+    if grows:
+        slopes = np.concatenate([slopes, own[..., 5:] * rims.radius_mm[:, None, None]], axis=-1)
+    weighted = np.swapaxes(slopes, -1, -2) @ (rims.information * weight[:, None, None])
+    away = _away(rims, pose, growth)
+    usable = np.all(np.isfinite(slopes), axis=(1, 2)) & np.all(np.isfinite(away), axis=1)
+    weighted, slopes, away = weighted[usable], slopes[usable], away[usable]
+    return (weighted @ slopes).sum(axis=0), np.einsum("kij,kj->i", weighted, away)
+
+
+def _cross(vectors: FloatArray) -> FloatArray:
+    """Return (..., 3, 3) the matrices [v] with [v] x = v x x."""
+    x, y, z = np.moveaxis(np.asarray(vectors), -1, 0)
+    zero = np.zeros_like(x)
+    return np.stack(
+        [
+            np.stack([zero, -z, y], axis=-1),
+            np.stack([z, zero, -x], axis=-1),
+            np.stack([-y, x, zero], axis=-1),
+        ],
+        axis=-2,
+    )

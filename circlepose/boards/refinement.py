@@ -1,0 +1,253 @@
+"""From a start to a board whose rims and pose agree: with the pose, which rims are its circles is decided anew."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from circlepose._typing import BoolArray, FloatArray, IntArray
+from circlepose.boards.constellation import Sighting
+from circlepose.boards.diagnosis import why_misfit
+from circlepose.boards.options import DEFAULT, BoardOptions
+from circlepose.boards.pose import (
+    BoardFit,
+    BoardRims,
+    RigidPose,
+    chance_of_second,
+    chi_squares,
+    circles_at,
+    fit_board,
+    minimum_near,
+    mirrored,
+)
+from circlepose.boards.symmetry import symmetries
+from circlepose.camera.camera import Camera
+from circlepose.fitting.cone_projection import image_ellipses
+from circlepose.fitting.observations import Observations
+from circlepose.geometry.cone import factor_from_circle
+from circlepose.geometry.cone_perturbation import MODES
+from circlepose.geometry.ellipse import Ellipse
+from circlepose.measurement.rim import Rim, modes_covariance
+from circlepose.rings.evidence import evidence_of_rim
+from circlepose.targets.board import BoardLayout
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FoundBoard:
+    """A board in an image."""
+
+    members: IntArray
+    """(k,) the rims of its circles"""
+    circles: IntArray
+    """(k,) which circle of the layout each is"""
+    radius_mm: FloatArray
+    """(k,) which of the circle's radii"""
+    fits: tuple[BoardFit, ...]
+    """of the pose, and of the other one where it is another, the better first"""
+    ambiguity: float
+    """probability that the first is the wrong one"""
+    is_roll_open: bool
+    """whether the layout maps on itself by a turn"""
+    offsets_px: tuple[FloatArray, ...]
+    """of each fit: (k, 2) from where it puts the centers of the circles' images to where these are"""
+
+    @property
+    def rms_px(self) -> tuple[float, ...]:
+        """Of each fit: rms distance of the centers, of the rims that count."""
+        return tuple(
+            float(np.sqrt(np.mean(np.sum(offset[fit.used] ** 2, axis=1)))) if fit.used.any() else np.inf
+            for fit, offset in zip(self.fits, self.offsets_px, strict=True)
+        )
+
+
+class Scene:
+    """The rims of an image with what each says of its cone, computed where it is asked for."""
+
+    def __init__(self, rims: Sequence[Rim], camera: Camera, image_size: tuple[int, int], seen: Sighting) -> None:
+        self.rims, self.camera, self.image_size, self.seen = rims, camera, image_size, seen
+        self.ellipse = Ellipse.batch([rim.ellipse for rim in rims])
+        self.rays = camera.rays(self.ellipse.center)
+        self._evidence: dict[int, tuple[FloatArray, FloatArray]] = {}
+
+    def board_rims(self, layout: BoardLayout, members: IntArray, circles: IntArray) -> BoardRims:
+        """Return the rims `members` (k,) as those of the layout's `circles` (k,), by their largest radii."""
+        evidence = [self.evidence(i) for i in members.tolist()]
+        return BoardRims(
+            layout.centers_mm[circles],
+            layout.normals[circles],
+            layout.radius_mm[circles],
+            np.stack([self.rims[i].cone.factor for i in members.tolist()]),
+            np.stack([coefficients for coefficients, _ in evidence]),
+            np.stack([information for _, information in evidence]),
+        )
+
+    def evidence(self, i: int) -> tuple[FloatArray, FloatArray]:
+        """Return coefficients (5,) and information (5, 5) of the modes of rim i."""
+        if i not in self._evidence:
+            rim = self.rims[i]
+            covariance = modes_covariance(rim)
+            if covariance is not None and np.all(np.linalg.eigvalsh(covariance) > 0.0):
+                self._evidence[i] = np.zeros(MODES), np.asarray(np.linalg.inv(covariance))
+            else:
+                found = evidence_of_rim(rim, 1.0, Observations.of(self.camera, rim.points))
+                self._evidence[i] = found.coefficients, found.information
+        return self._evidence[i]
+
+
+def settled(
+    scene: Scene,
+    layout: BoardLayout,
+    members: IntArray,
+    circles: IntArray,
+    start: RigidPose,
+    taken: set[int],
+    options: BoardOptions = DEFAULT,
+) -> FoundBoard | str:
+    """Return the board whose rims and pose agree, or why they do not."""
+    pose, growth = start, 0.0
+    fit: BoardFit | None = None
+    for _ in range(options.rounds):
+        rims = scene.board_rims(layout, members, circles)
+        fit = fit_board(rims, pose, options)
+        if fit is None:
+            return "the rims determine no pose of the layout"
+        pose, growth = fit.pose, fit.growth
+        again, its_circles = _where_expected(scene, layout, pose, growth, taken, options)
+        if len(again) < 2:
+            return "no second circle is where the pose of the others puts it"
+        if np.array_equal(again, members) and np.array_equal(its_circles, circles):
+            break
+        members, circles = again, its_circles
+    assert fit is not None
+    rims = scene.board_rims(layout, members, circles)
+    fit = fit_board(rims, pose, options)
+    if fit is None or np.count_nonzero(fit.used) < 2:
+        return "the rims determine no pose of the layout"
+    offsets = _offsets(scene, rims, members, fit)
+    size = float(np.median(scene.ellipse.semi_minor[members]))
+    rms = float(np.sqrt(np.mean(np.sum(offsets[fit.used] ** 2, axis=1))))
+    most = max(options.least_mismatch_px, options.mismatch_share * size)
+    if rms > most or abs(fit.growth) > options.most_growth or fit.used.mean() < options.least_used:
+        return why_misfit(layout, circles, fit.growth, rms, fit.used)
+    fit, circles, is_open = _with_roll(scene, layout, members, circles, fit, options)
+    rims = scene.board_rims(layout, members, circles)
+    fits, ambiguity = _both_tilts(rims, layout, fit, options)
+    return FoundBoard(
+        members=members,
+        circles=circles,
+        radius_mm=rims.radius_mm,
+        fits=fits,
+        ambiguity=float(ambiguity),
+        is_roll_open=is_open,
+        offsets_px=tuple(_offsets(scene, rims, members, each) for each in fits),
+    )
+
+
+def _where_expected(
+    scene: Scene, layout: BoardLayout, pose: RigidPose, growth: float, taken: set[int], options: BoardOptions
+) -> tuple[IntArray, IntArray]:
+    """Return the rims (k,) that lie where a pose puts circles of the layout, and these (k,)."""
+    ellipse, seen = _expected(scene.camera, layout, pose, growth)
+    free = np.array([i for i in range(len(scene.rims)) if i not in taken], np.int64)
+    visible = np.flatnonzero(seen)
+    own, expected = scene.ellipse[free], ellipse[visible]
+    pairs: list[tuple[float, int, int]] = []
+    sizes = np.sqrt(own.semi_major * own.semi_minor)
+    for at, circle in enumerate(visible.tolist()):
+        reach = options.reach_radii * float(expected.semi_major[at]) + options.least_reach_px
+        apart = np.linalg.norm(own.center - expected.center[at], axis=1)
+        size = float(np.sqrt(expected.semi_major[at] * expected.semi_minor[at]))
+        near = np.flatnonzero((apart < reach) & (np.abs(np.log(sizes / size)) < np.log(options.alike_ratio)))
+        pairs += [(float(apart[i]), int(free[i]), circle) for i in near.tolist()]
+    members: dict[int, int] = {}
+    used: set[int] = set()
+    for _, rim, circle in sorted(pairs):
+        if rim not in used and circle not in members:
+            members[circle] = rim
+            used.add(rim)
+    circles = np.array(sorted(members), np.int64)
+    return np.array([members[circle] for circle in circles.tolist()], np.int64), circles
+
+
+def _expected(camera: Camera, layout: BoardLayout, pose: RigidPose, growth: float) -> tuple[Ellipse, BoolArray]:
+    """Return where a pose puts the circles of a layout, (n,) px, and which of them are seen from their side."""
+    centers = layout.centers_mm @ pose.rotation.T + pose.translation
+    normals = layout.normals @ pose.rotation.T
+    seen = (centers[:, 2] > 0.0) & (np.einsum("ni,ni->n", centers, normals) < 0.0)
+    safe = np.where(seen[:, None], centers, [0.0, 0.0, 1e6])
+    factors = factor_from_circle(
+        safe, np.where(seen[:, None], normals, [0.0, 0.0, -1.0]), layout.radius_mm * (1.0 + growth)
+    )
+    ellipse, found = image_ellipses(camera, factors)
+    return ellipse, seen & found
+
+
+def _offsets(scene: Scene, rims: BoardRims, members: IntArray, fit: BoardFit) -> FloatArray:
+    """Return (k, 2) px from where a fit puts the centers of the circles' images to where these are."""
+    center, normal, radius = circles_at(rims, fit.pose, fit.growth)
+    expected, found = image_ellipses(scene.camera, factor_from_circle(center, normal, radius))
+    return np.where(found[:, None], scene.ellipse.center[members] - expected.center, np.inf)
+
+
+def _with_roll(
+    scene: Scene, layout: BoardLayout, members: IntArray, circles: IntArray, fit: BoardFit, options: BoardOptions
+) -> tuple[BoardFit, IntArray, bool]:
+    """Return the fit whose x axis is nearest the image's, of those that the layout's symmetries leave open."""
+    same = symmetries(layout)
+    if len(same) == 1:
+        return fit, circles, False
+    best: tuple[tuple[float, float], BoardFit, IntArray] | None = None
+    for permutation in same:
+        turn = _rigid(layout.centers_mm[permutation], layout.centers_mm)
+        pose = RigidPose(
+            fit.pose.rotation @ turn.rotation, fit.pose.rotation @ turn.translation + fit.pose.translation
+        )
+        _, jacobian = scene.camera.project_with_jacobian(pose.translation[None])
+        along = jacobian[0] @ pose.rotation[:, 0]
+        along = along / max(float(np.linalg.norm(along)), 1e-12)
+        # Down where two are equally near.
+        key = (round(float(along[0]), 6), float(along[1]))
+        if best is None or key > best[0]:
+            best = key, replace(fit, pose=pose), permutation[circles]
+    assert best is not None
+    _, start, own = best
+    again = fit_board(scene.board_rims(layout, members, own), start.pose, options)
+    return (fit, circles, True) if again is None else (again, own, True)
+
+
+def _rigid(source: FloatArray, target: FloatArray) -> RigidPose:
+    """Return the rigid motion that takes `source` (n, 3) to `target` (n, 3). Source: Kabsch (1976)."""
+    from_middle, to_middle = source.mean(axis=0), target.mean(axis=0)
+    left, _, right = np.linalg.svd((source - from_middle).T @ (target - to_middle))
+    # Of points in a plane the third direction is free: no reflection.
+    turn = right.T @ np.diag([1.0, 1.0, np.linalg.det(right.T @ left.T)]) @ left.T
+    return RigidPose(turn, to_middle - turn @ from_middle)
+
+
+def _is_other(first: BoardFit, second: BoardFit, options: BoardOptions) -> bool:
+    """Whether two fits are two minima."""
+    away = np.linalg.norm(first.pose.rotation - second.pose.rotation)
+    sigma = float(np.sqrt(np.trace(first.covariance[3:, 3:]) * first.excess))
+    return bool(away > max(options.same_sigmas * sigma, 1e-6))
+
+
+def _both_tilts(
+    rims: BoardRims, layout: BoardLayout, fit: BoardFit, options: BoardOptions
+) -> tuple[tuple[BoardFit, ...], float]:
+    """Return the fit and, of a planar board, the one with the other tilt, if it is a minimum; and the chance of that.
+
+    Both are judged on the rims that count in the first, with radii as in the first.
+    """
+    if not layout.is_planar:
+        return (fit,), 0.0
+    counted = rims[fit.used].grown(fit.growth)
+    center = layout.centers_mm.mean(axis=0)
+    first = minimum_near(counted, fit.pose)
+    second = minimum_near(counted, mirrored(fit.pose, center, layout.normals[0]))
+    if first is None or second is None or not _is_other(first, second, options):
+        return (fit,), 0.0
+    ambiguity = chance_of_second(first, second)
+    other = replace(second, growth=fit.growth, chi_square=chi_squares(rims, second.pose, fit.growth), used=fit.used)
+    return ((fit, other), ambiguity) if ambiguity <= 0.5 else ((other, fit), 1.0 - ambiguity)
