@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from circlepose._typing import FloatArray
+from circlepose.flags import Flag
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -101,6 +102,7 @@ class BoardResult:
     circles: tuple[BoardCircleFit, ...]
     """those that were seen"""
     circles_in_layout: int
+    flags: tuple[Flag, ...] = ()
     growth: float = 0.0
     """share by which the radii are larger than stated, by the distances of the circles; 0 where they are as stated"""
     chosen: int = field(default=0)

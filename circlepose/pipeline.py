@@ -7,12 +7,15 @@ from dataclasses import dataclass, field, replace
 
 from circlepose import _arguments
 from circlepose._typing import Image
+from circlepose.boards.options import BoardOptions
+from circlepose.boards.results import MeasuredBoards, measure_boards
 from circlepose.camera.camera import Camera
 from circlepose.camera.image_size import size_mismatch
 from circlepose.camera.plausibility import misfit
 from circlepose.detection import EXTRACTIONS
 from circlepose.detection.axis_intervals import axis_intervals
 from circlepose.detection.contour import Contour, Rejection
+from circlepose.detection.reasons import why_none
 from circlepose.disambiguation.options import DisambiguationOptions
 from circlepose.disambiguation.settle import settled_by_hints
 from circlepose.imaging.color_mixes import ColorMix, ColorMixOptions, color_mixes
@@ -30,6 +33,7 @@ from circlepose.rings.matching import match_rings
 from circlepose.rings.options import RingOptions
 from circlepose.rings.results import RingTargets, find_ring_targets
 from circlepose.solvers import METHODS, methods_for
+from circlepose.targets.board import BoardLayout
 from circlepose.targets.target import AxisIntervals, Target
 from circlepose.uncertainty.systematic import with_all_terms
 
@@ -43,9 +47,11 @@ class EstimateOptions:
     rings: RingOptions = field(default_factory=RingOptions)
     disambiguation: DisambiguationOptions = field(default_factory=DisambiguationOptions)
     color_mixes: ColorMixOptions = field(default_factory=ColorMixOptions)
+    boards: BoardOptions = field(default_factory=BoardOptions)
 
     def __post_init__(self) -> None:
         _arguments.instance_of(ColorMixOptions, "color_mixes", self.color_mixes, "ColorMixOptions(...)")
+        _arguments.instance_of(BoardOptions, "boards", self.boards, "BoardOptions(...)")
         _arguments.instance_of(MeasurementOptions, "measurement", self.measurement, "MeasurementOptions(...)")
         _arguments.instance_of(RingOptions, "rings", self.rings, "RingOptions(...)")
         _arguments.instance_of(
@@ -208,36 +214,22 @@ def estimate_with_trace(
     numbers = options.measurement.with_bounds(min_score, max_residual_px)
     views = (None, *color_mixes(channels, options.color_mixes))
     incomplete = ""
-    if target.kind == "circle":
-        measured = measure_circles(
+    boards: MeasuredBoards | None = None
+    own = replace(options, measurement=numbers)
+    if target.kind in ("circle", "board"):
+        measured = _lone_circles(
             channels,
             views,
             camera,
             target,
             intervals,
+            methods,
             extraction=extraction,
             refine=refine,
-            # The other methods, and rings, use the edges themselves.
-            are_starts=methods == ("chen-huang",),
             keep_fits=keep_fits,
-            options=numbers,
+            options=own,
         )
-        rejected, remark = measured.rejected, measured.remark
-        trace = Trace(
-            camera,
-            channels,
-            measured.gray,
-            measured.contours,
-            measured.starts,
-            measured.rims,
-            measured.fits,
-            measured.mixes,
-        )
-        circles = results_of_rims(
-            trace.rims, camera, methods, target.radii_mm[0], range(len(trace.rims)), "disc", options=numbers
-        )
-        circles = with_nested_rims(circles, measured.nested, numbers.detection)
-        circles = settled_by_hints(circles, target, options=options.disambiguation)
+        circles, boards, trace, rejected, remark = measured
     else:
         found, trace, remark = _ring_targets(
             channels,
@@ -249,19 +241,80 @@ def estimate_with_trace(
             extraction=extraction,
             refine=refine,
             keep_fits=keep_fits,
-            options=replace(options, measurement=numbers),
+            options=own,
         )
         circles, incomplete, rejected = list(found.circles), found.incomplete, found.rejected
     circles = [_with_mix(circle, trace) for circle in circles] if len(views) > 1 else circles
-    circles = with_all_terms(circles, camera, target)
+    if boards is None or not boards.boards:
+        circles = with_all_terms(circles, camera, target)
     if min_score is not None:
         usual = options.measurement.detection
         circles = with_doubt(circles, usual.least_score * (1.0 if target.kind == "circle" else usual.ring_leniency))
     result = _image_result(name, size, target, circles, rejected, incomplete, intervals)
+    if boards is not None and circles:
+        result = replace(result, status=boards.status, reason=boards.reason, boards=boards.boards)
     if remark:
         reason = "; ".join(each for each in (result.reason, remark) if each)
         result = replace(result, remark=remark, reason=reason if result.status is not Status.OK else "")
     return result, trace
+
+
+def _lone_circles(
+    channels: Image,
+    views: tuple[ColorMix | None, ...],
+    camera: Camera,
+    target: Target,
+    intervals: AxisIntervals,
+    methods: tuple[str, ...],
+    *,
+    extraction: str,
+    refine: bool,
+    keep_fits: bool,
+    options: EstimateOptions,
+) -> tuple[list[CircleResult], MeasuredBoards | None, Trace, Counter[Rejection], str]:
+    """Return the lone circles of an image, or the boards that they make up, and what is special of the pixels."""
+    numbers, layout = options.measurement, target.layout
+    lone = target if layout is None else _circles_of(target, layout)
+    measured = measure_circles(
+        channels,
+        views,
+        camera,
+        lone,
+        intervals,
+        extraction=extraction,
+        refine=refine,
+        # The other methods, and rings, use the edges themselves.
+        are_starts=methods == ("chen-huang",),
+        keep_fits=keep_fits,
+        options=numbers,
+    )
+    trace = Trace(
+        camera,
+        channels,
+        measured.gray,
+        measured.contours,
+        measured.starts,
+        measured.rims,
+        measured.fits,
+        measured.mixes,
+    )
+    instances = range(len(trace.rims))
+    circles = results_of_rims(trace.rims, camera, methods, lone.radii_mm[0], instances, "disc", options=numbers)
+    circles = with_nested_rims(circles, measured.nested, numbers.detection)
+    boards = None
+    if layout is None:
+        circles = settled_by_hints(circles, target, options=options.disambiguation)
+    else:
+        size = (int(channels.shape[1]), int(channels.shape[0]))
+        boards = measure_boards(trace.rims, circles, camera, target, size, options=options.boards)
+        circles = list(boards.circles)
+    return circles, boards, trace, measured.rejected, measured.remark
+
+
+def _circles_of(target: Target, layout: BoardLayout) -> Target:
+    """Return the target of a board's circles by themselves."""
+    intervals, polarity = target.axis_intervals, target.polarity
+    return Target.circle(layout.usual_radius_mm, count="all", polarity=polarity, axis_intervals=intervals)
 
 
 def _ring_targets(
@@ -334,7 +387,7 @@ def _image_result(
     status, reason = Status.OK, ""
     if not circles:
         status = Status.NO_CIRCLE
-        reason = _why_none(rejected) + _sizes_of_depths(target, intervals)
+        reason = why_none(rejected) + _sizes_of_depths(target, intervals)
     elif not complete:
         status = Status.TOO_FEW_CIRCLES
         reason = f"no complete target: one circle alone was measured, as the {circles[0].circle} one{incomplete}"
@@ -354,34 +407,6 @@ def _sizes_of_depths(target: Target, intervals: AxisIntervals) -> str:
     return (
         f"; depth_range_mm {near:g} to {far:g} means major axes of {low:.0f} to {high:.0f} px, no others were taken"
     )
-
-
-def _why_none(rejected: Counter[Rejection]) -> str:
-    """Name the reason that stopped the most promising contours: the later stages first."""
-    reasons = [Rejection.DEPTH, Rejection.NO_POSE, Rejection.POLARITY, Rejection.NOT_IN_TARGET, Rejection.RESIDUAL]
-    reasons += [
-        Rejection.LOW_SCORE,
-        Rejection.BY_CHANCE,
-        Rejection.MAJOR_AXIS,
-        Rejection.MINOR_AXIS,
-        Rejection.WITHOUT_EDGE,
-    ]
-    reasons += [
-        Rejection.HOLLOW,
-        Rejection.RAGGED,
-        Rejection.POLYGON,
-        Rejection.BLURRED,
-        Rejection.FAINT,
-        Rejection.WEAK_EDGE,
-    ]
-    reasons += [Rejection.TOO_LITTLE_RIM, Rejection.UNLIKE_A_RIM, Rejection.NOT_ELLIPTICAL]
-    # Dots are what the image shows where there are more of them than of contours that nearly are a rim.
-    dots_first = rejected[Rejection.TOO_SMALL] > rejected[Rejection.TOO_LITTLE_RIM]
-    reasons.insert(reasons.index(Rejection.TOO_LITTLE_RIM) + int(not dots_first), Rejection.TOO_SMALL)
-    for reason in reasons:
-        if rejected[reason]:
-            return f"no contour is the target's image; {rejected[reason]} came close: {reason}"
-    return "no contour is the target's image"
 
 
 def _unfit(camera: Camera, size: tuple[int, int], *, scaled: bool, forced: bool) -> Failure | None:

@@ -32,7 +32,7 @@ def why_no_lattice(ellipse: Ellipse, layout: BoardLayout, options: BoardOptions 
     most, order = max(seen)
     if most < options.least_diagnosed:
         return ""
-    if order != layout.grid.order and most > 1.5 * dict((o, n) for n, o in seen)[layout.grid.order]:
+    if order != layout.grid.order and most > 1.5 * {its: number for number, its in seen}[layout.grid.order]:
         return f"{most} circles lie on {_NAMES[order]} lattice, the layout is {layout.grid.pattern}"
     if abs(radii / stated - 1.0) > options.neighbor_tolerance:
         return (
@@ -42,7 +42,7 @@ def why_no_lattice(ellipse: Ellipse, layout: BoardLayout, options: BoardOptions 
     return ""
 
 
-def why_misfit(layout: BoardLayout, circles: IntArray, growth: float, rms_px: float, used: BoolArray) -> str:
+def why_misfit(circles: IntArray, growth: float, rms_px: float, used: BoolArray) -> str:
     """Return why `circles` (k,) of a layout do not fit it, after the best fit of the pose."""
     what = f"{np.count_nonzero(used)} of {len(circles)} circles fit the layout, rms {rms_px:.1f} px"
     if abs(growth) > 0.02:

@@ -3,7 +3,7 @@
 The image of a circle is a ruler: near it, an offset is as long as in the circle's own ellipse it has radii. Averaged
 over two circles the ruler is right up to the second order of the perspective. So neighbors are known by their
 distance, of which neither the camera nor the tilt has to be known, and the turns between them by the same map. From
-a circle and its neighbors the lattice grows node by node: each next one is where the affine map of those around puts it.
+a circle and its neighbors the lattice grows node by node: the next is where the affine map of those around puts it.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class Patch:
 
 
 def turned(nodes: IntArray, turn: int, order: int) -> IntArray:
-    """Return `nodes` (..., 2) of a lattice after `turn` steps of its `order`, which turn the first vector to the next."""
+    """Return `nodes` (..., 2) of a lattice after `turn` turns, of which each brings the first vector to the next."""
     a, b = nodes[..., 0], nodes[..., 1]
     for _ in range(turn % order):
         a, b = (-b, a + b) if order == 6 else (-b, a)
@@ -180,7 +180,7 @@ class _Search:
             added = False
             # Nodes with most neighbors first: their places are surest.
             for node in sorted(frontier, key=lambda each: -frontier[each]):
-                near = [known for known in self._around(node, at)]
+                near = self._around(node, at)
                 if tried.get(node) == len(near) or (len(near) < 3 and added):
                     continue
                 tried[node] = len(near)
@@ -234,9 +234,9 @@ class _Search:
 
 
 def _extrapolated(local: FloatArray, places: FloatArray) -> tuple[FloatArray | None, FloatArray]:
-    """Return where the node at 0 is (2,) and the vectors (2, 2) of a step there, from `places` (k, 2) of nodes (k, 2).
+    """Return where the node at 0 is (2,), and the vectors (2, 2) of a step there.
 
-    Nearer nodes count more. With enough of them the map is projective.
+    By the affine map of the nodes `local` (k, 2) to their `places` (k, 2), of which near ones count more.
     """
     square = np.sum(local**2, axis=1)
     weight = 1.0 / np.maximum(square, 0.5)

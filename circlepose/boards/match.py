@@ -63,14 +63,14 @@ def find_boards(scene: Scene, layout: BoardLayout, count: int | None, options: B
         if count is not None and len(boards) >= count:
             break
         free = np.array([i for i in range(len(scene.rims)) if i not in taken], np.int64)
-        board = _by_pairs(scene, layout, free, taken, options) if len(free) > 1 else None
-        if board is None:
+        again = _by_pairs(scene, layout, free, taken, options) if len(free) > 1 else None
+        if again is None:
             break
-        if isinstance(board, str):
-            refusals.append(board)
+        if isinstance(again, str):
+            refusals.append(again)
             break
-        boards.append(board)
-        taken |= set(board.members.tolist())
+        boards.append(again)
+        taken |= set(again.members.tolist())
     return Matches(tuple(boards), tuple(refusals))
 
 
@@ -86,13 +86,13 @@ def _by_pairs(
         for start in constellations(scene.seen, each, scene.camera, free, options):
             board = settled(scene, each, start.members, start.circles, start.pose, taken, options)
             if isinstance(board, FoundBoard):
-                tries.append((board, each))
+                tries.append(board)
     if not tries:
         return None
-    tries.sort(key=lambda found: (-np.count_nonzero(found[0].fits[0].used), found[0].fits[0].misfit))
-    best, own = tries[0]
-    same = symmetries(own)
-    for other, _ in tries[1:]:
+    tries.sort(key=lambda found: (-np.count_nonzero(found.fits[0].used), found.fits[0].misfit))
+    best = tries[0]
+    same = symmetries(best.layout)
+    for other in tries[1:]:
         if not _is_same(best, other, same) and _is_as_good(other, best, options):
             used = np.count_nonzero(other.fits[0].used)
             return f"{used} circles fit the layout in more than one way; more of its circles are needed, or a mark"

@@ -90,6 +90,12 @@ class BoardOptions:
     """circles of a layout from which a lattice is expected; empirical"""
     least_reach_px: float = 1.0
     """px; added to the distance of a circle from its place; empirical"""
+    misfit_growth: float = 0.02
+    """share by which the radii are not as stated, from which the board is flagged; empirical"""
+    least_ambiguity: float = 1e-9
+    """probability of the other tilt below which it is no candidate; statistical"""
+    undecided: float = 0.45
+    """probability of the other tilt from which the pose is ambiguous; empirical"""
     reach_radii: float = 0.5
     """radii; distance from its predicted place up to which a circle is the layout's; empirical"""
 

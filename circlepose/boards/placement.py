@@ -99,7 +99,7 @@ def _index_of(layout: BoardLayout) -> dict[tuple[int, int], int]:
 
 
 def _candidates(patch: Patch, layout: BoardLayout, options: BoardOptions) -> Iterator[tuple[IntArray, int]]:
-    """Yield the nodes (k, 2) of the patch in the layout's lattice, for the turns and shifts with most circles in common.
+    """Yield the nodes (k, 2) of the patch in the layout's lattice, turned and shifted, most circles in common first.
 
     With each, how many these are.
     """
@@ -136,7 +136,7 @@ def _judged(
     image_size: tuple[int, int],
     options: BoardOptions,
 ) -> tuple[float, IntArray, int]:
-    """Return the log likelihood of a place, the layout's circle of each ellipse (k,), -1 where it has none, and those missing."""
+    """Return the log likelihood of a place, the circle that each ellipse is, (k,) -1 for none, and how many miss."""
     index = layout.index_of_node
     circles = np.array([index.get((a, b), -1) for a, b in nodes.tolist()], np.int64)
     on_board = circles >= 0
@@ -171,9 +171,9 @@ def _are_inside(
 
 
 def projected(source: FloatArray, target: FloatArray, points: FloatArray) -> FloatArray:
-    """Return `points` (j, 2) by the projective map fitted to `source` (k, 2) -> `target` (k, 2); NaN behind the camera.
+    """Return `points` (j, 2) by the projective map that takes `source` (k, 2) to `target` (k, 2).
 
-    The map is affine with fewer than 6 points, or those of one line or two.
+    NaN behind the camera. The map is affine with fewer than 6 points, or those of one line or two.
     """
     homography = fitted_homography(source, target)
     mapped = np.column_stack([points, np.ones(len(points))]) @ homography.T

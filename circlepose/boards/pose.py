@@ -1,11 +1,11 @@
 """One rigid pose of a board from the rims of its circles. Pure NumPy.
 
-Each rim gives the coefficients of its cone's modes, with an information matrix. The pose minimizes the sum of squared
-misfits, by damped Gauss-Newton: a rotation about the board's origin, in camera axes, and a translation. A rim that fits
-none but itself does not count. Where the discs are not as large as stated beside their distances, one factor of all
-radii is found, too: printers and blur change the radii of small discs by percents, but hardly the distances.
+Each rim gives the coefficients of its cone's modes, with an information matrix. The pose minimizes the sum of
+squared misfits, by damped Gauss-Newton: a rotation about the board's origin, in camera axes, and a translation. A
+rim that fits none but itself does not count. Where the discs are not as large as stated beside their distances, one
+factor of all radii is found, too: printers and blur change small radii by percents, but hardly the distances.
 
-A planar board that is seen from afar has two poses, nearly mirror images; both are fitted and compared by Student's t.
+A planar board seen from afar has two poses, nearly mirror images; both are fitted and compared by Student's t.
 """
 
 from __future__ import annotations

@@ -38,12 +38,12 @@ from circlepose.targets.board import BoardLayout
 class FoundBoard:
     """A board in an image."""
 
+    layout: BoardLayout
+    """its own, or that seen from behind"""
     members: IntArray
     """(k,) the rims of its circles"""
     circles: IntArray
     """(k,) which circle of the layout each is"""
-    radius_mm: FloatArray
-    """(k,) which of the circle's radii"""
     fits: tuple[BoardFit, ...]
     """of the pose, and of the other one where it is another, the better first"""
     ambiguity: float
@@ -130,14 +130,14 @@ def settled(
     rms = float(np.sqrt(np.mean(np.sum(offsets[fit.used] ** 2, axis=1))))
     most = max(options.least_mismatch_px, options.mismatch_share * size)
     if rms > most or abs(fit.growth) > options.most_growth or fit.used.mean() < options.least_used:
-        return why_misfit(layout, circles, fit.growth, rms, fit.used)
+        return why_misfit(circles, fit.growth, rms, fit.used)
     fit, circles, is_open = _with_roll(scene, layout, members, circles, fit, options)
     rims = scene.board_rims(layout, members, circles)
     fits, ambiguity = _both_tilts(rims, layout, fit, options)
     return FoundBoard(
+        layout=layout,
         members=members,
         circles=circles,
-        radius_mm=rims.radius_mm,
         fits=fits,
         ambiguity=float(ambiguity),
         is_roll_open=is_open,
@@ -249,5 +249,7 @@ def _both_tilts(
     if first is None or second is None or not _is_other(first, second, options):
         return (fit,), 0.0
     ambiguity = chance_of_second(first, second)
+    if ambiguity < options.least_ambiguity:
+        return (fit,), ambiguity
     other = replace(second, growth=fit.growth, chi_square=chi_squares(rims, second.pose, fit.growth), used=fit.used)
     return ((fit, other), ambiguity) if ambiguity <= 0.5 else ((other, fit), 1.0 - ambiguity)

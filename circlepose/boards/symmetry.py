@@ -21,7 +21,7 @@ def symmetries(layout: BoardLayout) -> tuple[IntArray, ...]:
 
 
 def _of_grid(layout: BoardLayout) -> list[IntArray]:
-    """Turns about the viewing direction: from behind a grid shows nothing."""
+    """Return those of turns about the viewing direction: from behind a grid shows nothing."""
     assert layout.grid is not None
     found = []
     radii = [circle.radii_mm for circle in layout.circles]

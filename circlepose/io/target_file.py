@@ -14,12 +14,14 @@ from pydantic import Field
 from circlepose._arguments import shown
 from circlepose.errors import TargetError, UsageError
 from circlepose.io.atomic import atomic_writer
+from circlepose.io.board_file import CircleForm, GridForm, MarkForm, layout_of, layout_to_mapping
 from circlepose.io.marks import COMMENT
 from circlepose.io.text.escaping import printable
 from circlepose.io.text.source import Source, read_source
 from circlepose.io.text.validation import Strict, parse
 from circlepose.io.text.yaml import parse_yaml
 from circlepose.targets import KINDS, POLARITIES, SIDES, Direction, Kind, Polarity, Side
+from circlepose.targets.board import BoardLayout
 from circlepose.targets.hints import NORMAL_SPREAD_DEG, UP_SPREAD_DEG, DirectionHint
 from circlepose.targets.target import AxisIntervals, Target
 
@@ -68,6 +70,16 @@ class _TargetForm(Strict):
     flatness_sigma_mm: float | None = Field(
         None, description="one number, the standard deviation in mm of the height between the circles' planes"
     )
+    grid: GridForm | None = Field(None, description="a mapping with pattern, rows, columns and spacing_mm")
+    marks: list[MarkForm] | None = Field(None, description="a list such as [{at: [0, 3], radius_mm: 17.5}]")
+    omit: list[Annotated[list[int], Field(min_length=2, max_length=2)]] | None = Field(
+        None, description="a list of [row, column] such as [[2, 3]]"
+    )
+    circles: list[CircleForm] | str | None = Field(
+        None, description="a list such as [{x_mm: 0, y_mm: 0, radius_mm: 10}], or the name of a CSV file"
+    )
+    shape_file: str | None = Field(None, description="the name of a JSON file that calibrate wrote")
+    side: Literal["auto", "front", "back"] = Field("auto", description="one of auto, front, back")
 
 
 def read_target(source: Source) -> Target:
@@ -88,15 +100,19 @@ def read_target(source: Source) -> Target:
         One sentence: the file, the key and what is expected.
     """
     text, name = read_source(source, TargetError)
-    return target_from_mapping(parse_yaml(text, name, TargetError, "radius_mm: 60"), name)
+    folder = Path(source).parent if isinstance(source, str | os.PathLike) else Path()
+    return target_from_mapping(parse_yaml(text, name, TargetError, "radius_mm: 60"), name, folder)
 
 
-def target_from_mapping(mapping: Mapping[str, object], where: str) -> Target:
+def target_from_mapping(mapping: Mapping[str, object], where: str, folder: Path = Path()) -> Target:
     """Return the target that a mapping describes; `where` (a file, or a key in it) begins every message.
+
+    Files that it names are sought in `folder`.
 
     Keys: `kind`, `radius_mm` or `radii_mm`, `generatrix_mm` or `height_mm`, `count`, `polarity`,
     `axis_intervals_px`, `depth_range_mm`, `same_plane` (or `coplanar`, its former name), `normal_hint`, `up_hint`,
-    `facing`, `radius_sigma_mm`, `flatness_sigma_mm`. Raises `TargetError`.
+    `facing`, `radius_sigma_mm`, `flatness_sigma_mm`; of a board `grid`, `marks`, `omit`, or `circles`, `side`; and
+    `shape_file`. Raises `TargetError`.
     """
     _check_units(mapping, where)
     form = parse(_TargetForm, mapping, where, TargetError)
@@ -104,9 +120,10 @@ def target_from_mapping(mapping: Mapping[str, object], where: str) -> Target:
     radii = (form.radius_mm,) if form.radius_mm is not None else tuple(form.radii_mm or ())
     axes = form.axis_intervals_px
     try:
+        layout = _layout(form, folder, where) if kind == "board" else None
         return Target(
             kind=kind,
-            radii_mm=radii,
+            radii_mm=radii if layout is None else layout.radii_mm,
             generatrix_mm=_generatrix(form, radii),
             count=None if form.count == "all" else form.count,
             polarity=form.polarity,
@@ -118,6 +135,7 @@ def target_from_mapping(mapping: Mapping[str, object], where: str) -> Target:
             facing=_triple(form.facing) if isinstance(form.facing, list) else form.facing,
             radius_sigma_mm=form.radius_sigma_mm,
             flatness_sigma_mm=form.flatness_sigma_mm,
+            layout=layout,
         )
     except TargetError as error:
         reason = str(error)
@@ -129,7 +147,9 @@ def target_from_mapping(mapping: Mapping[str, object], where: str) -> Target:
 def target_to_mapping(target: Target) -> dict[str, object]:
     """Return the mapping from which `target_from_mapping` builds an equal target."""
     mapping: dict[str, object] = {"kind": target.kind}
-    if target.kind == "circle":
+    if target.layout is not None:
+        mapping |= layout_to_mapping(target.layout)
+    elif target.kind == "circle":
         mapping["radius_mm"] = target.radii_mm[0]
     else:
         mapping["radii_mm"] = list(target.radii_mm)
@@ -207,9 +227,18 @@ def _kind(form: _TargetForm, where: str) -> Kind:
         raise TargetError(f"{where}: generatrix_mm, height_mm: give one of them, not both.")
     if form.same_plane is not None and form.coplanar is not None:
         raise TargetError(f"{where}: same_plane, coplanar: are two names of one key; give same_plane alone.")
-    kind = form.kind or ("circle" if form.radii_mm is None else None)
+    is_board = form.grid is not None or form.circles is not None
+    kind = form.kind or ("board" if is_board else "circle" if form.radii_mm is None else None)
     if kind is None:
         raise TargetError(f"{where}: kind: is missing; radii_mm goes with kind: coplanar or kind: coaxial.")
+    if kind == "board":
+        if form.radii_mm is not None:
+            raise TargetError(f"{where}: radii_mm: a board has radius_mm, and radii_mm in its marks or circles.")
+        return kind
+    of_boards = ("grid", "marks", "omit", "circles", "shape_file")
+    wrong = [key for key in of_boards if getattr(form, key) is not None]
+    if wrong:
+        raise TargetError(f"{where}: {wrong[0]}: goes with kind: board, this target is of kind {kind}.")
     if kind == "circle" and form.radius_mm is None:
         raise TargetError(f"{where}: radius_mm: is missing; a circle needs its radius in mm, such as radius_mm: 60.")
     if kind != "circle" and form.radii_mm is None:
@@ -222,6 +251,20 @@ def _kind(form: _TargetForm, where: str) -> Kind:
             f"got {shown(form.height_mm)} for kind {kind}."
         )
     return kind
+
+
+def _layout(form: _TargetForm, folder: Path, where: str) -> BoardLayout:
+    return layout_of(
+        radius_mm=form.radius_mm,
+        grid=form.grid,
+        marks=form.marks or (),
+        omit=form.omit or (),
+        circles=form.circles,
+        side=form.side,
+        shape_file=form.shape_file,
+        folder=folder,
+        where=where,
+    )
 
 
 def _generatrix(form: _TargetForm, radii: tuple[float, ...]) -> float | None:

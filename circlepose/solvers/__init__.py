@@ -19,6 +19,12 @@ def methods_for(kind: str, method: str) -> tuple[str, ...]:
 
     Raises `ArgumentError` where it is none, or cannot measure such a target.
     """
+    if kind == "board":
+        if method not in ("all", CIRCLE_METHODS[0]):
+            raise ArgumentError(
+                f"method: a board's pose is fitted to the rims of all its circles; leave out {method}."
+            )
+        return CIRCLE_METHODS[:1]
     known = CIRCLE_METHODS if kind == "circle" else METHODS
     if method == "all":
         return known

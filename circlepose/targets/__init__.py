@@ -1,8 +1,8 @@
-"""What is looked for: circles and ring targets, and what is known of them beforehand."""
+"""What is looked for: circles, ring targets and boards, and what is known of them beforehand."""
 
 from typing import Literal, TypeAlias, get_args
 
-Kind = Literal["circle", "coplanar", "coaxial"]
+Kind = Literal["circle", "coplanar", "coaxial", "board"]
 Polarity = Literal["any", "dark", "bright"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
 POLARITIES: tuple[Polarity, ...] = get_args(Polarity)

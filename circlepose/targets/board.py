@@ -10,6 +10,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Literal, get_args
 
 import numpy as np
@@ -66,7 +67,7 @@ class Grid:
             raise TargetError("grid.rows, grid.columns: a board has two circles or more; a lone one is kind: circle.")
         if self.rows * self.columns > MOST_CIRCLES:
             raise TargetError(
-                f"grid.rows, grid.columns: a board has at most {MOST_CIRCLES} circles, got {self.rows} x {self.columns}."
+                f"grid.rows, grid.columns: expected at most {MOST_CIRCLES} circles, got {self.rows} x {self.columns}."
             )
         _arguments.length_mm("grid.spacing_mm", self.spacing_mm, "a positive length in mm", TargetError)
 
@@ -237,7 +238,7 @@ def _radii(radii: Sequence[float]) -> tuple[float, ...]:
         _arguments.length_mm("radius_mm", radius, "a positive radius in mm (not a diameter)", TargetError)
         for radius in radii
     )
-    if not 1 <= len(checked) <= MAX_RADII or any(a <= b for a, b in zip(checked, checked[1:], strict=False)):
+    if not 1 <= len(checked) <= MAX_RADII or any(a <= b for a, b in pairwise(checked)):
         raise TargetError(f"radii_mm: expected 1 to {MAX_RADII} radii in mm, the largest first, got {list(checked)}.")
     return checked
 

@@ -27,9 +27,9 @@ def checked_radii(kind: Kind, radii_mm: object) -> tuple[float, ...]:
     """Return the radii of a target of this kind."""
     key = "radius_mm" if kind == "circle" else "radii_mm"
     found = radii(radii_mm, key)
-    wanted = {"circle": "one radius", "coplanar": "two or more radii", "coaxial": "two radii"}[kind]
+    wanted = {"circle": "one radius", "coplanar": "two or more radii", "coaxial": "two radii"}.get(kind, "any radii")
     number = len(found)
-    enough = {"circle": number == 1, "coplanar": number >= 2, "coaxial": number == 2}[kind]
+    enough = {"circle": number == 1, "coplanar": number >= 2, "coaxial": number == 2}.get(kind, True)
     if not enough:
         raise TargetError(f"{key}: a target of kind {kind} has {wanted}, got {number}.")
     if number > MAX_RADII:

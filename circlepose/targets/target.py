@@ -1,4 +1,4 @@
-"""What is looked for: one circle, coplanar rings or coaxial rings, and how large they may appear."""
+"""What is looked for: one circle, coplanar rings, coaxial rings or a board, and how large they may appear."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Literal, TypeAlias
 from circlepose import _arguments
 from circlepose.errors import TargetError
 from circlepose.targets import KINDS, POLARITIES, Direction, Kind, Polarity, Side, lengths
+from circlepose.targets.board import BoardLayout
 from circlepose.targets.hints import DirectionHint, check_hints
 
 FLATNESS_SHARE = 2e-3
@@ -50,10 +51,10 @@ class Target:
     Parameters
     ----------
     kind
-        `circle` (one radius), `coplanar` (two or more concentric rings in one plane) or `coaxial`
-        (two circles on one axis in different planes).
+        `circle` (one radius), `coplanar` (two or more concentric rings in one plane), `coaxial` (two circles on one
+        axis in different planes) or `board` (circles at known places of one rigid thing).
     radii_mm
-        Radii, strictly decreasing.
+        Radii, strictly decreasing; of a board those of its layout.
     generatrix_mm
         Coaxial only: rim to rim distance in the plane of symmetry, sqrt(height^2 + (R - r)^2).
     count
@@ -79,6 +80,8 @@ class Target:
     flatness_sigma_mm
         Kind coplanar only: standard deviation of the height of the other circles' plane above the largest circle's;
         0 is exactly flat. None: `FLATNESS_SHARE` of the largest radius.
+    layout
+        Kind board only: its circles.
     """
 
     kind: Kind
@@ -94,10 +97,12 @@ class Target:
     facing: Side | Direction | None = None
     radius_sigma_mm: float = 0.0
     flatness_sigma_mm: float | None = None
+    layout: BoardLayout | None = None
 
     def __post_init__(self) -> None:
         _arguments.one_of(KINDS, "kind", self.kind, TargetError)
         _arguments.one_of(POLARITIES, "polarity", self.polarity, TargetError)
+        _check_layout(self.kind, self.layout)
         object.__setattr__(self, "radii_mm", lengths.checked_radii(self.kind, self.radii_mm))
         if self.generatrix_mm is not None:
             lengths.check_generatrix(self.kind, self.radii_mm, self.generatrix_mm)
@@ -122,6 +127,8 @@ class Target:
         if not isinstance(self.axis_intervals, AxisIntervals | None):
             raise TargetError(f"axis_intervals: expected AxisIntervals, got {_arguments.shown(self.axis_intervals)}.")
         if self.depth_range_mm is not None:
+            if self.kind == "board":
+                raise TargetError("depth_range_mm: is of lone circles and rings; a board's circles are at any depth.")
             _check_interval("depth_range_mm", self.depth_range_mm, "mm", largest=_arguments.LENGTHS_MM[1])
         for key in ("normal_hint", "up_hint", "facing"):
             if getattr(self, key) is not None and self.kind != "circle":
@@ -230,6 +237,28 @@ class Target:
             radius_sigma_mm=radius_sigma_mm,
         )
 
+    @classmethod
+    def board(
+        cls,
+        layout: BoardLayout,
+        *,
+        count: Count = 1,
+        polarity: Polarity = "any",
+        axis_intervals: AxisIntervals | None = None,
+        radius_sigma_mm: float = 0.0,
+    ) -> Target:
+        """Return the target of a board with this layout; the other parameters are those of `Target`."""
+        _check_layout("board", layout)
+        return cls(
+            kind="board",
+            radii_mm=layout.radii_mm,
+            count=_number(count),
+            polarity=polarity,
+            axis_intervals=axis_intervals,
+            radius_sigma_mm=radius_sigma_mm,
+            layout=layout,
+        )
+
     @property
     def coplanar(self) -> bool:
         """Former name of `same_plane`."""
@@ -241,6 +270,8 @@ class Target:
         """Names of the circles in the order of `radii_mm`, as in the table's `circle` column."""
         if self.kind == "circle":
             return ("disc",)
+        if self.layout is not None:
+            return self.layout.names
         if self.kind == "coaxial":
             return ("big", "small")
         return ("outer", "inner", *(f"ring{i}" for i in range(2, len(self.radii_mm))))
@@ -250,6 +281,14 @@ class Target:
         """`flatness_sigma_mm`, or its default."""
         default = FLATNESS_SHARE * self.radii_mm[0]
         return default if self.flatness_sigma_mm is None else self.flatness_sigma_mm
+
+
+def _check_layout(kind: Kind, layout: object) -> None:
+    """Refuse a board without a layout, and a layout of another kind."""
+    if kind != "board" and layout is not None:
+        raise TargetError(f"layout: only a board has one, this target is {kind}.")
+    if kind == "board" and not isinstance(layout, BoardLayout):
+        raise TargetError(f"layout: a board needs a BoardLayout, got {_arguments.shown(layout)}.")
 
 
 def _number(count: Count) -> int | None:

@@ -83,7 +83,7 @@ def camera_slopes(
     """
     by_pose, by_camera = (
         np.concatenate(parts)
-        for parts in zip(*(_rim_slopes(camera, center, normal, radius, along) for radius, along in rims), strict=True)
+        for parts in zip(*(rim_slopes(camera, center, normal, radius, along) for radius, along in rims), strict=True)
     )
     # In shares of the distance all parameters are of one kind.
     distance = float(np.linalg.norm(center))
@@ -157,7 +157,7 @@ def _rim_of(circle: CircleResult, number: int, candidate: Candidate) -> tuple[fl
     return circle.radius_mm, along
 
 
-def _rim_slopes(
+def rim_slopes(
     camera: Camera, center: FloatArray, normal: FloatArray, radius: float, along: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return how the rim moves across itself, in px, with the pose (n, 5) and with the camera (n, 3).

@@ -1,0 +1,200 @@
+"""Rims -> results of a board target: each board's pose, and each of its circles by that pose."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from circlepose._typing import FloatArray
+from circlepose.board_result import BoardCircleFit, BoardPose, BoardResult
+from circlepose.boards.constellation import Sighting
+from circlepose.boards.match import find_boards
+from circlepose.boards.options import DEFAULT, BoardOptions
+from circlepose.boards.pose import BoardFit, BoardRims, circle_derivatives, circles_at
+from circlepose.boards.refinement import FoundBoard, Scene
+from circlepose.boards.uncertainty import board_terms
+from circlepose.camera.camera import Camera
+from circlepose.geometry.cone_perturbation import MODES
+from circlepose.geometry.ellipse import Ellipse
+from circlepose.measurement.rim import Rim
+from circlepose.results import Candidate, CircleResult, CovarianceTerms, Flag, SettledBy, Status
+from circlepose.targets.board import BoardLayout
+from circlepose.targets.target import Target
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MeasuredBoards:
+    """The boards of an image, or why there are none."""
+
+    boards: tuple[BoardResult, ...]
+    circles: tuple[CircleResult, ...]
+    """all circles of the boards by their poses; without a board the lone circles"""
+    status: Status = Status.OK
+    reason: str = ""
+
+
+def measure_boards(
+    rims: Sequence[Rim],
+    lone: Sequence[CircleResult],
+    camera: Camera,
+    target: Target,
+    image_size: tuple[int, int],
+    *,
+    options: BoardOptions = DEFAULT,
+) -> MeasuredBoards:
+    """Find the boards of an image among its circles.
+
+    Parameters
+    ----------
+    rims
+        All rims of the image, most evidence first.
+    lone
+        The results of each by itself, for a circle of the usual radius.
+    camera
+        The calibration, for this image size.
+    target
+        Of kind board.
+    image_size
+        Width and height, px.
+    options
+        The numbers of boards.
+    """
+    layout = target.layout
+    assert layout is not None
+    solved = [i for i, circle in enumerate(lone) if circle.candidates]
+    if len(solved) < 2:
+        found = "no circle was" if not solved else "one circle alone was"
+        status = Status.TOO_FEW_CIRCLES if solved else Status.NO_CIRCLE
+        return MeasuredBoards((), tuple(lone), status, f"{found} found; a board's pose needs two or more")
+    both = [(lone[i].candidates * 2)[:2] for i in solved]
+    usual = layout.usual_radius_mm
+    seen = Sighting(
+        Ellipse.batch([rims[i].ellipse for i in solved]),
+        np.array([[candidate.center / usual for candidate in pair] for pair in both]),
+        np.array([[candidate.normal for candidate in pair] for pair in both]),
+    )
+    scene = Scene([rims[i] for i in solved], camera, image_size, seen)
+    matches = find_boards(scene, layout, target.count, options)
+    if not matches.boards:
+        reason = matches.refusals[0] if matches.refusals else f"none of {len(solved)} circles fit the layout together"
+        return MeasuredBoards((), tuple(lone), Status.LAYOUT_MISMATCH, reason)
+    boards, circles = [], []
+    for number, board in enumerate(matches.boards):
+        own_rims = scene.board_rims(board.layout, board.members, board.circles)
+        result = _board_result(number, board, own_rims, camera, target, options)
+        boards.append(result)
+        circles += _circles(result, board, [lone[solved[i]] for i in board.members.tolist()], camera)
+    status, reason = Status.OK, ""
+    if target.count is not None and len(boards) < target.count:
+        status = Status.TOO_FEW_CIRCLES
+        reason = "; ".join([f"{len(boards)} of {target.count} boards found", *matches.refusals[:1]])
+    return MeasuredBoards(tuple(boards), tuple(circles), status, reason)
+
+
+def _board_result(
+    number: int, board: FoundBoard, rims: BoardRims, camera: Camera, target: Target, options: BoardOptions
+) -> BoardResult:
+    relative = target.radius_sigma_mm / target.radii_mm[0]
+    candidates = tuple(
+        _board_pose(fit, rms_px, rims, camera, relative) for fit, rms_px in zip(board.fits, board.rms_px, strict=True)
+    )
+    best = board.fits[0]
+    circles = tuple(
+        BoardCircleFit(
+            name=board.layout.circles[circle].name,
+            is_used=bool(used),
+            residual_px=offset,
+            sigmas=float(np.sqrt(chi_square / MODES)),
+        )
+        for circle, used, offset, chi_square in zip(
+            board.circles.tolist(), best.used, board.offsets_px[0], best.chi_square.tolist(), strict=True
+        )
+    )
+    is_set = {
+        Flag.AMBIGUOUS: board.ambiguity >= options.undecided,
+        Flag.ROLL_AMBIGUOUS: board.is_roll_open,
+        Flag.RADIUS_MISFIT: abs(best.growth) >= options.misfit_growth,
+    }
+    return BoardResult(
+        instance=number,
+        candidates=candidates,
+        ambiguity=board.ambiguity,
+        circles=circles,
+        circles_in_layout=len(board.layout),
+        flags=tuple(flag for flag in Flag if is_set.get(flag, False)),
+        growth=best.growth,
+    )
+
+
+def _board_pose(fit: BoardFit, rms_px: float, rims: BoardRims, camera: Camera, relative: float) -> BoardPose:
+    terms = board_terms(fit.excess * fit.covariance, camera, rims[fit.used].grown(fit.growth), fit.pose, relative)
+    return BoardPose(fit.pose.rotation, fit.pose.translation, terms.total, terms, rms_px)
+
+
+def _circles(
+    result: BoardResult, board: FoundBoard, measured: Sequence[CircleResult], camera: Camera
+) -> list[CircleResult]:
+    """Return each circle of a board's layout by the board's pose, with what its own rim says where it was seen."""
+    layout = board.layout
+    own = dict(zip(board.circles.tolist(), measured, strict=True))
+    used = dict(zip(board.circles.tolist(), board.fits[0].used.tolist(), strict=True))
+    every = _all_rims(layout)
+    candidates = [
+        _circle_candidates(every, fit, pose, camera) for fit, pose in zip(board.fits, result.candidates, strict=True)
+    ]
+    settled = SettledBy.NONE if Flag.AMBIGUOUS in result.flags or len(board.fits) == 1 else SettledBy.JOINT_FIT
+    circles = []
+    for i, circle in enumerate(layout.circles):
+        base = own.get(i) or CircleResult(result.instance, circle.name, measured[0].method, circle.radii_mm[0])
+        flags = {flag for flag in base.flags if flag is not Flag.AMBIGUOUS} | set(result.flags)
+        if not used.get(i, False):
+            flags.add(Flag.NOT_IN_POSE)
+        circles.append(
+            replace(
+                base,
+                instance=result.instance,
+                circle=circle.name,
+                radius_mm=circle.radii_mm[0],
+                candidates=tuple(each[i] for each in candidates),
+                chosen=0,
+                ambiguity=result.ambiguity,
+                settled_by=settled,
+                flags=tuple(flag for flag in Flag if flag in flags),
+                status=Status.OK,
+                reason="",
+            )
+        )
+    return circles
+
+
+def _all_rims(layout: BoardLayout) -> BoardRims:
+    """Return the circles of a layout as rims of which nothing was measured."""
+    number = len(layout)
+    nothing = np.zeros((number, MODES, MODES))
+    return BoardRims(
+        layout.centers_mm, layout.normals, layout.radius_mm, np.zeros((number, 3, 3)), nothing[:, 0], nothing
+    )
+
+
+def _circle_candidates(rims: BoardRims, fit: BoardFit, pose: BoardPose, camera: Camera) -> list[Candidate]:
+    centers, normals, _ = circles_at(rims, fit.pose)
+    chains = circle_derivatives(rims, fit.pose)
+    with np.errstate(all="ignore"):
+        imaged = camera.project(centers)
+    terms = pose.terms
+
+    def of(term: FloatArray | None, chain: FloatArray) -> FloatArray | None:
+        return None if term is None else chain @ term @ chain.T
+
+    found = []
+    for center, normal, chain, place in zip(centers, normals, chains, imaged, strict=True):
+        facing = normal if normal @ center <= 0.0 else -normal
+        image = chain @ terms.image @ chain.T
+        own = CovarianceTerms(image, of(terms.camera, chain), of(terms.radius, chain))
+        has_terms = terms.camera is not None or terms.radius is not None
+        found.append(
+            Candidate(center, facing, place, covariance=own.total, covariance_terms=own if has_terms else None)
+        )
+    return found

@@ -1,0 +1,64 @@
+"""What the errors of the camera and of the layout's scale add to the covariance of a board's pose.
+
+As `uncertainty.systematic` does for one circle: the pixels of all rims are measured, and the pose compensates for the
+camera by least squares over them. Pure NumPy.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from circlepose._typing import FloatArray
+from circlepose.board_result import BoardTerms
+from circlepose.boards.pose import FREE, BoardRims, RigidPose, circle_derivatives, circles_at
+from circlepose.camera.camera import EXACT, Camera
+from circlepose.uncertainty.systematic import rim_slopes
+
+_MOST_RIMS = 60
+"""Rims of a board that the camera's errors are followed through; the others move alike; cost."""
+
+
+def board_terms(
+    image: FloatArray, camera: Camera, rims: BoardRims, pose: RigidPose, relative_sigma: float
+) -> BoardTerms:
+    """Return the terms of a board's covariance.
+
+    Parameters
+    ----------
+    image
+        (6, 6) the term of the image.
+    camera
+        With the standard deviations of its focal length and principal point.
+    rims
+        Those that the pose rests on.
+    pose
+        Of the board.
+    relative_sigma
+        Standard deviation of all its lengths together, as a share.
+    """
+    moved = np.array([*pose.translation, 0.0, 0.0, 0.0]) * relative_sigma
+    return BoardTerms(
+        image=image,
+        camera=None if camera.sigma == EXACT else _camera_term(camera, rims, pose),
+        radius=None if relative_sigma == 0.0 else np.outer(moved, moved),
+    )
+
+
+def _camera_term(camera: Camera, rims: BoardRims, pose: RigidPose) -> FloatArray:
+    every = -(-len(rims) // _MOST_RIMS)
+    some = rims[np.arange(0, len(rims), every)]
+    centers, normals, radii = circles_at(some, pose)
+    chains = circle_derivatives(some, pose)
+    by_pose, by_camera = [], []
+    for center, normal, radius, chain in zip(centers, normals, radii.tolist(), chains, strict=True):
+        own, lens = rim_slopes(camera, center, normal, radius, 0.0)
+        by_pose.append(own @ chain)
+        by_camera.append(lens)
+    # In shares of the distance all parameters are of one kind.
+    distance = max(float(np.linalg.norm(pose.translation)), 1e-9)
+    scale = np.array([distance] * 3 + [1.0] * (FREE - 3))
+    solved = np.linalg.lstsq(np.concatenate(by_pose) * scale, np.concatenate(by_camera), rcond=None)[0]
+    slopes = -solved * scale[:, None]
+    relative = camera.sigma.focal_px / float(np.sqrt(camera.camera_matrix[0, 0] * camera.camera_matrix[1, 1]))
+    scaled = slopes * np.array([relative, camera.sigma.center_px, camera.sigma.center_px])
+    return np.asarray(scaled @ scaled.T)
