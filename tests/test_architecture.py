@@ -38,7 +38,7 @@ def test_imports_run_one_way():
 def test_an_import_against_the_layers_is_found(tmp_path):
     pytest.importorskip("importlinter")
     text = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
-    broken = text.replace('    "pipeline",\n    "rings",\n', '    "rings",\n    "pipeline",\n')
+    broken = text.replace('    "pipeline",\n    "boards",\n', '    "boards",\n    "pipeline",\n')
     assert broken != text
     (tmp_path / "pyproject.toml").write_text(broken, encoding="utf-8")
     done = lint(tmp_path / "pyproject.toml")
