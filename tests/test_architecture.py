@@ -43,8 +43,8 @@ def test_an_import_against_the_layers_is_found(tmp_path):
     (tmp_path / "pyproject.toml").write_text(broken, encoding="utf-8")
     done = lint(tmp_path / "pyproject.toml")
     assert done.returncode == 1
-    assert "circlepose.rings is not allowed to import circlepose.pipeline" in done.stdout or (
-        "circlepose.pipeline is not allowed to import circlepose.rings" in done.stdout
+    assert "circlepose.boards is not allowed to import circlepose.pipeline" in done.stdout or (
+        "circlepose.pipeline is not allowed to import circlepose.boards" in done.stdout
     )
 
 
