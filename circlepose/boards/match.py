@@ -43,7 +43,7 @@ def find_boards(scene: Scene, layout: BoardLayout, count: int | None, options: B
             break
         if taken & set(patch.members.tolist()) or len(patch.members) < options.least_on_lattice:
             continue
-        placed = place(patch, scene.ellipse, layout, scene.image_size, options)
+        placed = place(patch, scene.ellipse, layout, scene.image_size, scene.is_ring, options)
         if isinstance(placed, str):
             refusals.append(placed)
             continue
@@ -55,9 +55,9 @@ def find_boards(scene: Scene, layout: BoardLayout, count: int | None, options: B
             else:
                 boards.append(board)
                 taken |= set(board.members.tolist())
-    if layout.grid is not None and not boards and not refusals and len(layout) >= options.least_diagnosed:
+    if layout.grid is not None and not boards and len(layout) >= options.least_diagnosed:
         reason = why_no_lattice(scene.ellipse, layout, options)
-        refusals += [reason] if reason else []
+        refusals = [reason, *refusals] if reason else refusals
     # Where there is a lattice it says which circle is which.
     while not patches or not (boards or refusals):
         if count is not None and len(boards) >= count:

@@ -68,6 +68,8 @@ class BoardOptions:
     # The pose.
     most_chi_square: float = 25.0
     """of a rim's five modes, scaled; one above it does not count in the pose: 1e-4 by chance; statistical"""
+    far_radii: float = 0.3
+    """radii; distance of a start from the rims from which it is moved to their centers first; empirical"""
     growth_chi_square: float = 30.0
     """by how much less the rims misfit, at least, where their radii are not as stated; statistical"""
     least_growing: int = 3

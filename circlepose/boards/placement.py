@@ -42,6 +42,7 @@ def place(
     ellipse: Ellipse,
     layout: BoardLayout,
     image_size: tuple[int, int],
+    is_ring: BoolArray | None = None,
     options: BoardOptions = DEFAULT,
 ) -> Placement | str:
     """Return where a lattice lies on a grid, or why that is not known: two places are as likely, or none fits.
@@ -56,6 +57,8 @@ def place(
         Of a grid.
     image_size
         Width and height, px.
+    is_ring
+        (m,) which have another rim inside, of the same center; none where it is not given.
     options
         The numbers of boards.
     """
@@ -63,11 +66,12 @@ def place(
     same = symmetries(layout)
     scored: list[tuple[float, IntArray, int]] = []
     sizes = _relative_sizes(patch, ellipse, options)
+    rings = np.zeros(len(patch.members), np.bool_) if is_ring is None else is_ring[patch.members]
     for nodes, common in _candidates(patch, layout, options):
         most = options.foreign_log * (len(nodes) - common)
         if scored and most < max(each[0] for each in scored) - 2.0 * options.decisive_log:
             break
-        score, circles, missing = _judged(patch, nodes, sizes, ellipse, layout, image_size, options)
+        score, circles, missing = _judged(patch, nodes, sizes, rings, ellipse, layout, image_size, options)
         # Equal but for a symmetry of the layout.
         again = any(
             np.array_equal(permutation[circles[circles >= 0]], other[circles >= 0])
@@ -131,6 +135,7 @@ def _judged(
     patch: Patch,
     nodes: IntArray,
     sizes: FloatArray,
+    rings: BoolArray,
     ellipse: Ellipse,
     layout: BoardLayout,
     image_size: tuple[int, int],
@@ -143,7 +148,7 @@ def _judged(
     score = options.foreign_log * float(np.count_nonzero(~on_board))
     radius = layout.radius_mm[circles[on_board]] / layout.usual_radius_mm
     unlike = np.abs(sizes[on_board] / radius - 1.0) > options.size_tolerance
-    # Where sizes differ without reason they tell nothing.
+    unlike |= rings[on_board] != layout.is_ring[circles[on_board]]
     score += options.unlike_log * float(np.count_nonzero(unlike))
     absent = np.setdiff1d(np.arange(len(layout)), circles[on_board])
     inside = _are_inside(patch, nodes, ellipse, layout.node_of[absent], image_size)

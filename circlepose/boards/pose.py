@@ -124,7 +124,7 @@ def fit_board(
 
     `may_grow`: all radii may be larger, or smaller, than stated, where the rims show it beyond doubt.
     """
-    fit = _robust(rims, start, None, options)
+    fit = _robust(rims, _near_centers(rims, start, options), None, options)
     if fit is None or not may_grow or np.count_nonzero(fit.used) < options.least_growing:
         return fit
     grown = _robust(rims, fit.pose, fit, options)
@@ -237,6 +237,52 @@ def circle_derivatives(rims: BoardRims, pose: RigidPose) -> FloatArray:
     tilts = np.stack(plane_basis(normals), axis=-2)
     derivatives[:, 3:, 3:] = -tilts @ _cross(normals)
     return derivatives
+
+
+def _near_centers(rims: BoardRims, start: RigidPose, options: BoardOptions) -> RigidPose:
+    """Return a pose that brings the circles to where their rims are, by their centers, where `start` is far off.
+
+    The modes hold for small changes alone.
+    """
+    seen = rims.factor[:, :2, 2] / rims.factor[:, 2:, 2]
+    pose, damping = start, 1e-3
+    offset, slopes, far = _center_offsets(rims, pose, seen)
+    if len(rims) < options.least_on_lattice or far < options.far_radii:
+        return start
+    for _ in range(_STEPS):
+        weight = 1.0 / (1.0 + np.sum(offset**2, axis=1) / max(float(np.median(np.sum(offset**2, axis=1))), 1e-18))
+        size = _size(pose, grows=False)
+        scaled = slopes * size
+        matrix = np.einsum("k,kai,kaj->ij", weight, scaled, scaled)
+        gradient = np.einsum("k,kai,ka->i", weight, scaled, offset)
+        step = -np.linalg.solve(matrix + damping * np.trace(matrix) * np.eye(FREE), gradient)
+        step = step * min(1.0, _LONGEST_STEP / max(float(np.max(np.abs(step))), 1e-300)) * size
+        trial = pose.moved(step)
+        moved, its_slopes, _ = _center_offsets(rims, trial, seen)
+        if float(np.median(np.abs(moved))) <= float(np.median(np.abs(offset))):
+            pose, offset, slopes, damping = trial, moved, its_slopes, damping * 0.1
+        else:
+            damping *= 10.0
+        if damping > 1e6:
+            break
+    return pose
+
+
+def _center_offsets(rims: BoardRims, pose: RigidPose, seen: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+    """Return (k, 2) by how much the circles' centers are off `seen` (k, 2), x/z and y/z, with slopes (k, 2, 6).
+
+    And the median of their distances in radii.
+    """
+    center, _, radius = circles_at(rims, pose)
+    depth = np.maximum(center[:, 2:], 1e-6 * np.linalg.norm(center, axis=1, keepdims=True))
+    plane = center[:, :2] / depth
+    by_center = np.zeros((len(rims), 2, 3))
+    by_center[:, 0, 0] = by_center[:, 1, 1] = 1.0 / depth[:, 0]
+    by_center[:, :, 2] = -plane / depth
+    slopes = by_center @ circle_derivatives(rims, pose)[:, :3]
+    offset = plane - seen
+    far = float(np.median(np.linalg.norm(offset, axis=1) * depth[:, 0] / radius))
+    return offset, slopes, far
 
 
 def _robust(rims: BoardRims, start: RigidPose, before: BoardFit | None, options: BoardOptions) -> BoardFit | None:

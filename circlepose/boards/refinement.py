@@ -65,8 +65,15 @@ class FoundBoard:
 class Scene:
     """The rims of an image with what each says of its cone, computed where it is asked for."""
 
-    def __init__(self, rims: Sequence[Rim], camera: Camera, image_size: tuple[int, int], seen: Sighting) -> None:
-        self.rims, self.camera, self.image_size, self.seen = rims, camera, image_size, seen
+    def __init__(
+        self,
+        rims: Sequence[Rim],
+        camera: Camera,
+        image_size: tuple[int, int],
+        seen: Sighting,
+        is_ring: BoolArray | None = None,
+    ) -> None:
+        self.rims, self.camera, self.image_size, self.seen, self.is_ring = rims, camera, image_size, seen, is_ring
         self.ellipse = Ellipse.batch([rim.ellipse for rim in rims])
         self.rays = camera.rays(self.ellipse.center)
         self._evidence: dict[int, tuple[FloatArray, FloatArray]] = {}

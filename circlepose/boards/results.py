@@ -75,7 +75,8 @@ def measure_boards(
         np.array([[candidate.center / usual for candidate in pair] for pair in both]),
         np.array([[candidate.normal for candidate in pair] for pair in both]),
     )
-    scene = Scene([rims[i] for i in solved], camera, image_size, seen)
+    is_ring = np.array([len(lone[i].nested_rims) > 1 for i in solved])
+    scene = Scene([rims[i] for i in solved], camera, image_size, seen, is_ring)
     matches = find_boards(scene, layout, target.count, options)
     if not matches.boards:
         reason = matches.refusals[0] if matches.refusals else f"none of {len(solved)} circles fit the layout together"

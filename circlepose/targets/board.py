@@ -16,7 +16,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from circlepose import _arguments
-from circlepose._typing import FloatArray, IntArray
+from circlepose._typing import BoolArray, FloatArray, IntArray
 from circlepose.errors import TargetError
 from circlepose.targets.lengths import MAX_RADII
 
@@ -191,6 +191,11 @@ class BoardLayout:
     def radius_mm(self) -> FloatArray:
         """(n,) the largest radius of each."""
         return np.array([circle.radii_mm[0] for circle in self.circles])
+
+    @cached_property
+    def is_ring(self) -> BoolArray:
+        """(n,) which have another circle inside."""
+        return np.array([len(circle.radii_mm) > 1 for circle in self.circles])
 
     @property
     def radii_mm(self) -> tuple[float, ...]:
