@@ -305,8 +305,7 @@ def _lone_circles(
     if layout is None:
         circles = settled_by_hints(circles, target, options=options.disambiguation)
     else:
-        size = (int(channels.shape[1]), int(channels.shape[0]))
-        boards = measure_boards(trace.rims, circles, camera, target, size, options=options.boards)
+        boards = measure_boards(trace.rims, circles, camera, target, measured.gray, options=options.boards)
         circles = list(boards.circles)
     return circles, boards, trace, measured.rejected, measured.remark
 

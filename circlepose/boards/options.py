@@ -40,6 +40,8 @@ class BoardOptions:
     """share of the size; its error, at least; empirical"""
     size_rounds: int = 8
     """of the fit of sizes without marks; numerical"""
+    ring_contrast: float = 0.35
+    """contrast of a ring's middle over that of its rim, at least; empirical"""
     most_places: int = 64
     """places that are compared, most circles first; cost"""
     least_share: float = 0.5

@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from circlepose._typing import FloatArray
+from circlepose._typing import FloatArray, Image
 from circlepose.board_result import BoardCircleFit, BoardPose, BoardResult
 from circlepose.boards.constellation import Sighting
+from circlepose.boards.marks import are_rings
 from circlepose.boards.match import find_boards
 from circlepose.boards.options import DEFAULT, BoardOptions
 from circlepose.boards.pose import BoardFit, BoardRims, circle_derivatives, circles_at
@@ -40,7 +41,7 @@ def measure_boards(
     lone: Sequence[CircleResult],
     camera: Camera,
     target: Target,
-    image_size: tuple[int, int],
+    levels: Image,
     *,
     options: BoardOptions = DEFAULT,
 ) -> MeasuredBoards:
@@ -56,8 +57,8 @@ def measure_boards(
         The calibration, for this image size.
     target
         Of kind board.
-    image_size
-        Width and height, px.
+    levels
+        (h, w) gray levels that were measured; NaN where a pixel is left out.
     options
         The numbers of boards.
     """
@@ -75,7 +76,8 @@ def measure_boards(
         np.array([[candidate.center / usual for candidate in pair] for pair in both]),
         np.array([[candidate.normal for candidate in pair] for pair in both]),
     )
-    is_ring = np.array([len(lone[i].nested_rims) > 1 for i in solved])
+    image_size = (int(levels.shape[1]), int(levels.shape[0]))
+    is_ring = are_rings(levels, seen.ellipse, layout, options)
     scene = Scene([rims[i] for i in solved], camera, image_size, seen, is_ring)
     matches = find_boards(scene, layout, target.count, options)
     if not matches.boards:
