@@ -207,7 +207,7 @@ def _with_roll(
         return fit, circles, False
     best: tuple[tuple[float, float], BoardFit, IntArray] | None = None
     for permutation in same:
-        turn = _rigid(layout.centers_mm[permutation], layout.centers_mm)
+        turn = rigid(layout.centers_mm[permutation], layout.centers_mm)
         pose = RigidPose(
             fit.pose.rotation @ turn.rotation, fit.pose.rotation @ turn.translation + fit.pose.translation
         )
@@ -224,7 +224,7 @@ def _with_roll(
     return (fit, circles, True) if again is None else (again, own, True)
 
 
-def _rigid(source: FloatArray, target: FloatArray) -> RigidPose:
+def rigid(source: FloatArray, target: FloatArray) -> RigidPose:
     """Return the rigid motion that takes `source` (n, 3) to `target` (n, 3). Source: Kabsch (1976)."""
     from_middle, to_middle = source.mean(axis=0), target.mean(axis=0)
     left, _, right = np.linalg.svd((source - from_middle).T @ (target - to_middle))

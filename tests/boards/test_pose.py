@@ -114,7 +114,7 @@ def test_a_start_from_the_plane_is_close(pose):
 
 def test_no_start_from_a_line():
     line = plate([(40.0 * i, 0.0) for i in range(5)])
-    center = line.centers_mm + [0.0, 0.0, 500.0]
+    center = line.centers_mm + np.array([0.0, 0.0, 500.0])
     assert (
         pose_of_plane(line.centers_mm, center / np.linalg.norm(center, axis=1, keepdims=True), line.normals[0])
         is None
