@@ -4,9 +4,9 @@
 
 Photographs: the layout and the radius are given, and nothing else. A disc of the truth counts as placed where a
 circle of the board stands on it whose row and column are the truth's, up to one shift and turn for the whole image;
-all discs of the layout being in the image, no other shift would fit. `any camera`: rims, lattice and place with a camera whose
-focal length is 28 % too long, without distortion. findCirclesGrid of OpenCV gets the image, the layout and
-SimpleBlobDetector with settings that suit the discs; it finds all or none, and is asked where it can be.
+all discs of the layout being in the image, no other shift would fit. `any camera`: rims, lattice and place with a
+camera whose focal length is 28 % too long, without distortion. findCirclesGrid of OpenCV gets the image, the layout
+and SimpleBlobDetector with settings that suit the discs; it finds all or none, and is asked where it can be.
 
 Rendered: random views of dark discs on white, 1280 x 960, f = 1000 px, k1 = -0.1, 450 to 700 mm away, blur 0.7 px,
 noise 2. `over bound`: rms error over the standard deviation that the noise sets, of position and rotation together.

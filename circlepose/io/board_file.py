@@ -189,7 +189,8 @@ def _circle(form: CircleForm, number: int, radius_mm: float | None) -> BoardCirc
 def _radii_of(form: MarkForm | CircleForm, usual_mm: float | None, key: str) -> tuple[float, ...]:
     if form.radius_mm is not None and form.radii_mm is not None:
         raise TargetError(f"{key}: radius_mm, radii_mm: give one of them, not both.")
-    radii = form.radii_mm if form.radii_mm is not None else [form.radius_mm or usual_mm]
+    own = usual_mm if form.radius_mm is None else form.radius_mm
+    radii = form.radii_mm if form.radii_mm is not None else [own]
     if not radii or radii[0] is None:
         raise TargetError(f"{key}: radius_mm: is missing; each circle needs its radius in mm.")
     lengths = tuple(float(radius) for radius in radii if radius is not None)

@@ -127,7 +127,7 @@ def test_height_gives_the_generatrix() -> None:
         ("kind: coaxial\nradii_mm: [50, 40, 30]", "radii_mm: a target of kind coaxial has two radii, got 3"),
         ("kind: coplanar\nradii_mm: [50, x]", "radii_mm: expected a list of radii in mm, the largest first"),
         ("kind: coplanar\nradii_mm: 50", "radii_mm: expected a list of radii"),
-        ("kind: ring\nradius_mm: 50", "kind: expected one of circle, coplanar, coaxial, got 'ring'"),
+        ("kind: ring\nradius_mm: 50", "kind: expected one of circle, coplanar, coaxial, board, got 'ring'"),
         ("kind: coplanar\nradii_mm: [50, 30]\ngeneratrix_mm: 20", "generatrix_mm: only a coaxial target has one"),
         ("kind: coaxial\nradii_mm: [50, 30]\ngeneratrix_mm: 20", "generatrix_mm: must be longer than"),
         ("kind: coaxial\nradii_mm: [50, 30]\ngeneratrix_mm: 40\nheight_mm: 5", "give one of them, not both"),

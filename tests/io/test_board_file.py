@@ -1,0 +1,135 @@
+"""Target files of boards: read, written, and what is refused."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from circlepose.errors import TargetError
+from circlepose.io.target_file import read_target, target_from_mapping, target_to_mapping
+from circlepose.targets.target import Target
+from tests.support.boards import grid
+
+GRID = "kind: board\nradius_mm: 8\ngrid: {pattern: symmetric, rows: 3, columns: 4, spacing_mm: 30}\n"
+LIST = (
+    "kind: board\ncircles:\n- {name: a, x_mm: 0, y_mm: 0, radius_mm: 10}\n"
+    "- {name: b, x_mm: 60, y_mm: 0, z_mm: 5, radii_mm: [9, 4], normal: [0, 3, -4]}\n"
+)
+
+
+def test_a_grid_is_read():
+    text = GRID + "marks: [{at: [0, 3], radius_mm: 4}, {at: [2, 0], radii_mm: [8, 5]}]\nomit: [[1, 1]]\ncount: all\n"
+    target = read_target(text.encode())
+    assert target.kind == "board"
+    assert target.count is None
+    assert target.layout == grid(
+        "symmetric", 3, 4, 30.0, 8.0, marks={(0, 3): (4.0,), (2, 0): (8.0, 5.0)}, omit=[(1, 1)]
+    )
+
+
+def test_the_kind_follows_from_the_grid():
+    assert read_target(GRID.replace("kind: board\n", "").encode()).kind == "board"
+
+
+def test_a_list_is_read():
+    target = read_target(LIST.encode())
+    assert target.layout.names == ("a", "b")
+    assert target.layout.circles[1].center_mm == (60.0, 0.0, 5.0)
+    assert target.layout.circles[1].normal == pytest.approx((0.0, 0.6, -0.8))
+    assert target.layout.circles[1].radii_mm == (9.0, 4.0)
+
+
+def test_a_list_may_be_a_csv_file_beside_the_target(tmp_path):
+    (tmp_path / "holes.csv").write_text("name,x_mm,y_mm,radius_mm\na,0,0,10\nb,60,0,9\n", encoding="utf-8")
+    (tmp_path / "target.yaml").write_text("kind: board\ncircles: holes.csv\n", encoding="utf-8")
+    layout = read_target(tmp_path / "target.yaml").layout
+    assert layout.names == ("a", "b")
+    assert layout.radius_mm.tolist() == [10.0, 9.0]
+
+
+@pytest.mark.parametrize("text", [GRID, GRID + "marks: [{at: [0, 3], radii_mm: [8, 5]}]\nomit: [[1, 1]]\n", LIST])
+def test_what_is_written_is_read_back_equal(text):
+    target = read_target(text.encode())
+    assert target_from_mapping(target_to_mapping(target), "again") == target
+
+
+def test_the_shape_that_a_calibration_found(tmp_path):
+    shape = {
+        "schema": "circlepose.calibration/1",
+        "board": {
+            "shape": "free",
+            "radius_scale": 1.01,
+            "offsets_mm": [{"name": "r0c1", "x": 0.1, "y": 0.0, "z": -0.3}],
+        },
+    }
+    (tmp_path / "shape.json").write_text(json.dumps(shape), encoding="utf-8")
+    (tmp_path / "target.yaml").write_text(GRID + "shape_file: shape.json\n", encoding="utf-8")
+    target = read_target(tmp_path / "target.yaml")
+    plain = read_target(GRID.encode())
+    assert np.allclose(target.layout.centers_mm[1] - plain.layout.centers_mm[1], [0.1, 0.0, -0.3])
+    assert np.allclose(target.layout.radius_mm, 8.08)
+    assert target.layout.grid == plain.layout.grid
+    assert isinstance(target, Target)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("kind: board\nradius_mm: 8\n", "grid, circles: a board needs one of them"),
+        (GRID + "circles: [{x_mm: 0, y_mm: 0}]\n", "grid, circles"),
+        (GRID.replace("radius_mm: 8\n", ""), "radius_mm: is missing"),
+        (
+            GRID.replace("symmetric", "square"),
+            "grid.pattern: expected one of symmetric, asymmetric, hexagonal, got 'square'",
+        ),
+        (GRID.replace("rows: 3", "row: 3"), "grid.row: is no known key; did you mean rows?"),
+        (GRID.replace("spacing_mm: 30", "spacing_mm: 12"), "overlap"),
+        (GRID + "marks: [{at: [0, 9], radius_mm: 4}]\n", "marks: expected [row, column]"),
+        (GRID + "radii_mm: [8, 5]\n", "radius_mm, radii_mm"),
+        (GRID + "side: back\n", "side: is of a list"),
+        (GRID + "depth_range_mm: [100, 200]\n", "depth_range_mm"),
+        (GRID + "facing: up\n", "facing: is a hint for lone circles"),
+        (GRID.replace("kind: board", "kind: circle"), "grid: goes with kind: board"),
+        (LIST.replace("radius_mm: 10", "radius_mm: 0"), "positive radius"),
+        (LIST.replace(", radius_mm: 10", ""), "radius_mm: is missing"),
+        (LIST.replace("[0, 3, -4]", "[0, 0, 0]"), "normal: expected a direction"),
+        (LIST.replace("name: b", "name: a"), "named 'a'"),
+        (LIST + "omit: [[0, 0]]\n", "go with a grid"),
+        ("kind: board\ncircles: none.csv\n", "none.csv"),
+        (GRID + "shape_file: none.json\n", "none.json"),
+    ],
+)
+def test_what_is_refused_names_the_key(text, words, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(TargetError) as caught:
+        read_target(text.encode())
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("name,x,y_mm\na,0,0\n", "column 'x' is not known"),
+        ("name,y_mm\na,0\n", "column x_mm is missing"),
+        ("name,x_mm,y_mm,radius_mm\na,0,zero,3\n", "line 2: y_mm: expected a number"),
+    ],
+)
+def test_a_csv_file_that_is_none_of_circles(text, words, tmp_path):
+    (tmp_path / "holes.csv").write_text(text, encoding="utf-8")
+    (tmp_path / "target.yaml").write_text("kind: board\ncircles: holes.csv\n", encoding="utf-8")
+    with pytest.raises(TargetError) as caught:
+        read_target(tmp_path / "target.yaml")
+    assert words in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "text", ["[]", "{", '{"schema": "circlepose.poses/1"}', '{"schema": "circlepose.calibration/1"}']
+)
+def test_a_shape_file_that_is_none(text, tmp_path):
+    (tmp_path / "shape.json").write_text(text, encoding="utf-8")
+    (tmp_path / "target.yaml").write_text(GRID + "shape_file: shape.json\n", encoding="utf-8")
+    with pytest.raises(TargetError, match=r"shape\.json"):
+        read_target(tmp_path / "target.yaml")
