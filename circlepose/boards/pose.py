@@ -25,6 +25,8 @@ FREE = 6
 _MEDIAN_CHI_SQUARE = 4.35
 """Of five degrees of freedom; exact."""
 _ROUNDS, _STEPS = 8, 30
+_SOFT_STEPS = 3
+"""Steps of each round whose weights are not yet the last; cost."""
 _LEAST_GAIN = 1e-4
 """Chi-square; a step that would gain less is the last; numerical."""
 _LONGEST_STEP = 0.3
@@ -142,7 +144,7 @@ def minimum_near(rims: BoardRims, start: RigidPose) -> BoardFit | None:
     """Return the minimum of the misfit of all rims near a pose; None where they determine none."""
     every = np.ones(len(rims))
     found = _solved(rims, start, 0.0, every, grows=False)
-    return None if found is None else _fit_at(rims, found[0], 0.0, every > 0.0, grows=False)
+    return None if found is None else fit_at(rims, found[0], 0.0, every > 0.0, grows=False)
 
 
 def mirrored(pose: RigidPose, center: FloatArray, normal: FloatArray) -> RigidPose:
@@ -202,7 +204,7 @@ def pose_of_plane(points_mm: FloatArray, rays: FloatArray, normal: FloatArray) -
             np.column_stack([zero, zero, zero, x, y, one, -v * x, -v * y, -v]),
         ]
     )
-    _, values, vectors = np.linalg.svd(rows)
+    _, values, vectors = np.linalg.svd(rows, full_matrices=len(rows) < 9)
     if len(values) < 8 or values[7] < 1e-9 * values[0]:
         return None
     found = vectors[-1].reshape(3, 3)
@@ -293,7 +295,7 @@ def _robust(rims: BoardRims, start: RigidPose, before: BoardFit | None, options:
     for _ in range(_ROUNDS):
         scale = max(1.0, float(np.median(chi_square)) / _MEDIAN_CHI_SQUARE)
         weight = 1.0 / (1.0 + chi_square / (scale * 2.0 * MODES))
-        step = _solved(rims, pose, growth, weight, grows=grows)
+        step = _solved(rims, pose, growth, weight, grows=grows, steps=_SOFT_STEPS)
         if step is None:
             return None
         pose, growth = step
@@ -314,10 +316,10 @@ def _robust(rims: BoardRims, start: RigidPose, before: BoardFit | None, options:
         if np.array_equal(kept, used):
             break
         used = kept
-    return _fit_at(rims, pose, growth, kept, grows=grows)
+    return fit_at(rims, pose, growth, kept, grows=grows)
 
 
-def _fit_at(rims: BoardRims, pose: RigidPose, growth: float, used: BoolArray, *, grows: bool) -> BoardFit | None:
+def fit_at(rims: BoardRims, pose: RigidPose, growth: float, used: BoolArray, *, grows: bool) -> BoardFit | None:
     """Return the fit whose minimum is at `pose`; None where the rims `used` (k,) do not determine it."""
     matrix, _ = _equations(rims, pose, growth, used.astype(np.float64), grows=grows)
     size = _size(pose, grows=grows)
@@ -330,11 +332,11 @@ def _fit_at(rims: BoardRims, pose: RigidPose, growth: float, used: BoolArray, *,
 
 
 def _solved(
-    rims: BoardRims, pose: RigidPose, growth: float, weight: FloatArray, *, grows: bool
+    rims: BoardRims, pose: RigidPose, growth: float, weight: FloatArray, *, grows: bool, steps: int = _STEPS
 ) -> tuple[RigidPose, float] | None:
     """Return the minimum of the weighted misfit near a pose, by damped Gauss-Newton."""
     cost, damping = float(weight @ chi_squares(rims, pose, growth)), 1e-6
-    for _ in range(_STEPS):
+    for _ in range(steps):
         matrix, gradient = _equations(rims, pose, growth, weight, grows=grows)
         size = _size(pose, grows=grows)
         matrix, gradient = matrix * np.outer(size, size), gradient * size

@@ -18,6 +18,7 @@ from circlepose.boards.pose import (
     chance_of_second,
     chi_squares,
     circles_at,
+    fit_at,
     fit_board,
     minimum_near,
     mirrored,
@@ -113,23 +114,21 @@ def settled(
     options: BoardOptions = DEFAULT,
 ) -> FoundBoard | str:
     """Return the board whose rims and pose agree, or why they do not."""
-    pose, growth = start, 0.0
-    fit: BoardFit | None = None
+    by_circle = np.argsort(circles, kind="stable")
+    members, circles = members[by_circle], circles[by_circle]
+    rims = scene.board_rims(layout, members, circles)
+    fit = fit_board(rims, start, options)
     for _ in range(options.rounds):
-        rims = scene.board_rims(layout, members, circles)
-        fit = fit_board(rims, pose, options)
         if fit is None:
-            return "the rims determine no pose of the layout"
-        pose, growth = fit.pose, fit.growth
-        again, its_circles = _where_expected(scene, layout, pose, growth, taken, options)
+            break
+        again, its_circles = _where_expected(scene, layout, fit.pose, fit.growth, taken, options)
         if len(again) < 2:
             return "no second circle is where the pose of the others puts it"
         if np.array_equal(again, members) and np.array_equal(its_circles, circles):
             break
         members, circles = again, its_circles
-    assert fit is not None
-    rims = scene.board_rims(layout, members, circles)
-    fit = fit_board(rims, pose, options)
+        rims = scene.board_rims(layout, members, circles)
+        fit = fit_board(rims, fit.pose, options)
     if fit is None or np.count_nonzero(fit.used) < 2:
         return "the rims determine no pose of the layout"
     offsets = _offsets(scene, rims, members, fit)
@@ -138,7 +137,7 @@ def settled(
     most = max(options.least_mismatch_px, options.mismatch_share * size)
     if rms > most or abs(fit.growth) > options.most_growth or fit.used.mean() < options.least_used:
         return why_misfit(circles, fit.growth, rms, fit.used)
-    fit, circles, is_open = _with_roll(scene, layout, members, circles, fit, options)
+    fit, circles, is_open = _with_roll(scene, layout, members, circles, fit)
     rims = scene.board_rims(layout, members, circles)
     fits, ambiguity = _both_tilts(rims, layout, fit, options)
     return FoundBoard(
@@ -199,13 +198,13 @@ def _offsets(scene: Scene, rims: BoardRims, members: IntArray, fit: BoardFit) ->
 
 
 def _with_roll(
-    scene: Scene, layout: BoardLayout, members: IntArray, circles: IntArray, fit: BoardFit, options: BoardOptions
+    scene: Scene, layout: BoardLayout, members: IntArray, circles: IntArray, fit: BoardFit
 ) -> tuple[BoardFit, IntArray, bool]:
     """Return the fit whose x axis is nearest the image's, of those that the layout's symmetries leave open."""
     same = symmetries(layout)
     if len(same) == 1:
         return fit, circles, False
-    best: tuple[tuple[float, float], BoardFit, IntArray] | None = None
+    best: tuple[tuple[float, float], RigidPose, IntArray] | None = None
     for permutation in same:
         turn = rigid(layout.centers_mm[permutation], layout.centers_mm)
         pose = RigidPose(
@@ -217,10 +216,10 @@ def _with_roll(
         # Down where two are equally near.
         key = (round(float(along[0]), 6), float(along[1]))
         if best is None or key > best[0]:
-            best = key, replace(fit, pose=pose), permutation[circles]
+            best = key, pose, permutation[circles]
     assert best is not None
-    _, start, own = best
-    again = fit_board(scene.board_rims(layout, members, own), start.pose, options)
+    _, pose, own = best
+    again = fit_at(scene.board_rims(layout, members, own), pose, fit.growth, fit.used, grows=fit.growth != 0.0)
     return (fit, circles, True) if again is None else (again, own, True)
 
 
