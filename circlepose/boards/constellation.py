@@ -14,6 +14,7 @@ import numpy as np
 from circlepose._typing import FloatArray, IntArray
 from circlepose.boards.options import DEFAULT, BoardOptions
 from circlepose.boards.pose import RigidPose
+from circlepose.boards.symmetry import symmetries
 from circlepose.camera.camera import Camera
 from circlepose.geometry.ellipse import Ellipse
 from circlepose.targets.board import BoardLayout
@@ -49,23 +50,19 @@ def constellations(
     rotations, translations = _hypotheses(seen, layout, free, options)
     if len(rotations) == 0:
         return []
-    found: list[Assignment] = []
-    counts: list[int] = []
+    same = symmetries(layout)
+    distinct: dict[frozenset[tuple[int, int]], Assignment] = {}
     for begin in range(0, len(rotations), options.poses_at_once):
         part = slice(begin, begin + options.poses_at_once)
         members, near = _matched(seen, layout, camera, free, rotations[part], translations[part], options)
-        number = near.sum(axis=1)
-        for h in np.argsort(-number, kind="stable")[: options.most_assignments].tolist():
-            if number[h] >= 2:
-                circles = np.flatnonzero(near[h])
+        for h in np.flatnonzero(near.sum(axis=1) >= 2).tolist():
+            circles = np.flatnonzero(near[h])
+            own = members[h][circles]
+            alike = [frozenset(zip(own.tolist(), each[circles].tolist(), strict=True)) for each in same]
+            if not any(each in distinct for each in alike):
                 pose = RigidPose(rotations[part][h], translations[part][h])
-                found.append(Assignment(members[h][circles], circles, pose))
-                counts.append(int(number[h]))
-    distinct: dict[tuple[tuple[int, int], ...], Assignment] = {}
-    for h in np.argsort(-np.array(counts), kind="stable").tolist():
-        each = found[h]
-        distinct.setdefault(tuple(zip(each.members.tolist(), each.circles.tolist(), strict=True)), each)
-    return list(distinct.values())[: options.most_assignments]
+                distinct[alike[0]] = Assignment(own, circles, pose)
+    return sorted(distinct.values(), key=lambda each: -len(each.members))[: options.most_assignments]
 
 
 def _hypotheses(
@@ -82,34 +79,37 @@ def _hypotheses(
         apart = np.linalg.norm(layout.centers_mm[a] - layout.centers_mm[b], axis=1)
         kept = np.sort(np.argsort(apart, kind="stable")[: options.most_pairs])
         a, b = a[kept], b[kept]
-    rotations, translations, misfits = [], [], []
     on_board = layout.centers_mm[b] - layout.centers_mm[a]
     length = np.linalg.norm(on_board, axis=1)
     along = np.einsum("pi,pi->p", on_board, layout.normals[a]) / length
+    wanted = np.einsum("pi,pi->p", layout.normals[a], layout.normals[b])[:, None]
+    found: list[FloatArray] = []
     for candidate in (0, 1):
         for i, j in zip(first.tolist(), second.tolist(), strict=True):
-            center = seen.centers[i, candidate] * layout.radius_mm[a, None]
             # The nearer of the second rim's candidates.
-            others = seen.centers[j][None] * layout.radius_mm[b, None, None]
-            offset = others - center[:, None]
-            sizes = np.linalg.norm(offset, axis=2)
-            tilt = np.einsum("pci,i->pc", offset, seen.normals[i, candidate]) / np.maximum(sizes, 1e-9)
-            alike = np.einsum("ci,i->c", seen.normals[j], seen.normals[i, candidate])[None]
-            wanted = np.einsum("pi,pi->p", layout.normals[a], layout.normals[b])[:, None]
+            offset = seen.centers[j] * layout.radius_mm[b, None, None]
+            offset = offset - seen.centers[i, candidate] * layout.radius_mm[a, None, None]
+            sizes = np.maximum(np.linalg.norm(offset, axis=2), 1e-9)
+            tilt = offset @ seen.normals[i, candidate] / sizes
+            alike = (seen.normals[j] @ seen.normals[i, candidate])[None]
             misfit = (
-                (np.log(np.maximum(sizes, 1e-9) / length[:, None]) / options.pair_length) ** 2
+                (np.log(sizes / length[:, None]) / options.pair_length) ** 2
                 + ((tilt - along[:, None]) / options.pair_tilt) ** 2
                 + ((alike - wanted) / options.pair_tilt) ** 2
             )
             best = np.argmin(misfit, axis=1)
-            least = misfit[np.arange(len(a)), best]
-            for p in np.flatnonzero(least < options.most_pair_misfit).tolist():
-                rotation = _turned(layout.normals[a[p]], on_board[p], seen.normals[i, candidate], offset[p, best[p]])
-                rotations.append(rotation)
-                translations.append(center[p] - rotation @ layout.centers_mm[a[p]])
-                misfits.append(float(least[p]))
-    order = np.argsort(misfits, kind="stable")[: options.most_hypotheses]
-    return np.array(rotations).reshape(-1, 3, 3)[order], np.array(translations).reshape(-1, 3)[order]
+            pairs = np.flatnonzero(misfit[np.arange(len(a)), best] < options.most_pair_misfit)
+            rows = [np.full(len(pairs), value) for value in (i, candidate, j)]
+            found.append(np.column_stack([*rows, best[pairs], pairs, misfit[pairs, best[pairs]]]))
+    table = np.concatenate(found)
+    table = table[np.argsort(table[:, 5], kind="stable")[: options.most_hypotheses]]
+    rotations, translations = np.empty((len(table), 3, 3)), np.empty((len(table), 3))
+    for h, (i, candidate, j, other, p) in enumerate(table[:, :5].astype(np.int64).tolist()):
+        center = seen.centers[i, candidate] * layout.radius_mm[a[p]]
+        offset = seen.centers[j, other] * layout.radius_mm[b[p]] - center
+        rotations[h] = _turned(layout.normals[a[p]], on_board[p], seen.normals[i, candidate], offset)
+        translations[h] = center - rotations[h] @ layout.centers_mm[a[p]]
+    return rotations, translations
 
 
 def _turned(normal: FloatArray, offset: FloatArray, seen_normal: FloatArray, seen_offset: FloatArray) -> FloatArray:

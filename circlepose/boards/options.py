@@ -44,6 +44,14 @@ class BoardOptions:
     """contrast of a ring's middle over that of its rim, at least; empirical"""
     most_places: int = 64
     """places that are compared, most circles first; cost"""
+    most_foreign: int = 2
+    """circles on the lattice that the layout need not have; more are a row of it; empirical"""
+    foreign_share: float = 0.1
+    """the same as a share of all, the larger of both counts; empirical"""
+    telling_sigmas: float = 20.0
+    """standard deviations of a rim; circles that misfit by more do not speak for a list; empirical"""
+    chance_log: float = -4.6
+    """log probability of a rim where a wrong pose puts a circle; empirical"""
     least_share: float = 0.5
     """share of the circles of a lattice that must be the layout's; empirical"""
 
@@ -78,9 +86,9 @@ class BoardOptions:
     """circles from which their distances are believed rather than their radii; empirical"""
     rounds: int = 6
     """of fitting the pose and assigning rims; numerical"""
-    least_mismatch_px: float = 2.0
+    least_mismatch_px: float = 1.0
     """px; rms distance of the circles from their places, below which a layout fits; empirical"""
-    mismatch_share: float = 0.2
+    mismatch_share: float = 0.1
     """the same as a share of the circles' semi-minor axes, the larger of both counts; empirical"""
     most_growth: float = 0.2
     """share by which the radii may differ from those stated; empirical"""

@@ -86,7 +86,8 @@ def place(
     odds = best - scored[1][0] if len(scored) > 1 else np.inf
     on_board = circles >= 0
     number, shared = len(circles), int(np.count_nonzero(on_board))
-    if shared < options.least_share * number:
+    most_foreign = max(options.most_foreign, options.foreign_share * number)
+    if shared < options.least_share * number or number - shared > most_foreign:
         return (
             f"{number} circles lie on the layout's lattice, {shared} of them fit it: more rows or columns than stated"
         )

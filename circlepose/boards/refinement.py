@@ -131,6 +131,12 @@ def settled(
         fit = fit_board(rims, fit.pose, options)
     if fit is None or np.count_nonzero(fit.used) < 2:
         return "the rims determine no pose of the layout"
+    if layout.grid is None:
+        # Two circles make a pose; each further one speaks for it, each that is missing against.
+        number, found = _number_inside(scene, layout, fit), int(np.count_nonzero(fit.used))
+        further = found - 2 if fit.excess < options.telling_sigmas**2 else 0
+        if options.hidden_log * max(number - found, 0) < options.chance_log * further:
+            return f"{found} of {number} circles that should be in the image fit the layout"
     offsets = _offsets(scene, rims, members, fit)
     size = float(np.median(scene.ellipse.semi_minor[members]))
     rms = float(np.sqrt(np.mean(np.sum(offsets[fit.used] ** 2, axis=1))))
@@ -175,6 +181,14 @@ def _where_expected(
             used.add(rim)
     circles = np.array(sorted(members), np.int64)
     return np.array([members[circle] for circle in circles.tolist()], np.int64), circles
+
+
+def _number_inside(scene: Scene, layout: BoardLayout, fit: BoardFit) -> int:
+    """Return how many circles of a layout lie wholly within the image, on their visible side."""
+    ellipse, seen = _expected(scene.camera, layout, fit.pose, fit.growth)
+    low, high = ellipse.center - ellipse.semi_major[:, None], ellipse.center + ellipse.semi_major[:, None]
+    inside = seen & np.all(low >= 0.0, axis=1) & np.all(high <= np.array(scene.image_size) - 1.0, axis=1)
+    return int(np.count_nonzero(inside))
 
 
 def _expected(camera: Camera, layout: BoardLayout, pose: RigidPose, growth: float) -> tuple[Ellipse, BoolArray]:

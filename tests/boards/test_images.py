@@ -125,6 +125,22 @@ def test_a_planar_list_whose_axes_run_the_other_way_is_fitted_from_behind():
         assert np.allclose(circle.pose.center, pose.rotation @ own + pose.translation, atol=0.2)
 
 
+def test_a_list_that_runs_the_other_way_is_refused_where_the_side_is_known():
+    places = [(0.0, 0.0), (80.0, 0.0), (80.0, 60.0), (0.0, 62.0), (30.0, 25.0)]
+    mirrored_list = BoardLayout(plate([(-x, y) for x, y in places]).circles, side="front")
+    result = measured(picture([(plate(places), posed(plate(places), 30.0, 70.0, 12.0, 450.0))]), mirrored_list)
+    assert result.status is Status.LAYOUT_MISMATCH
+
+
+def test_a_board_larger_than_the_image_is_placed_by_its_marks():
+    layout = grid("symmetric", 9, 12, 30.0, 9.0, marks=dict.fromkeys(((4, 5), (4, 6), (3, 5)), (9.0, 5.0)))
+    pose = posed(layout, 25.0, 30.0, 10.0, 380.0)
+    result = measured(picture([(layout, pose)]), layout)
+    (board,) = result.boards
+    assert 60 < board.circles_used < 100
+    assert apart(pose, *pose_of(result))[0] < 0.05
+
+
 def test_a_ring_is_a_mark():
     layout = grid("symmetric", 4, 5, 30.0, 9.0, marks={(1, 3): (9.0, 5.0)})
     pose = posed(layout, 25.0, 40.0, 160.0)
@@ -171,8 +187,24 @@ def test_a_board_from_afar_has_two_poses():
         (grid("symmetric", 4, 5, 30.0, 4.5), "diameter"),
         (grid("hexagonal", 4, 5, 30.0, 9.0), "square lattice"),
         (grid("symmetric", 2, 3, 30.0, 9.0), "more rows or columns"),
+        (grid("symmetric", 3, 5, 30.0, 9.0), "more rows or columns"),
+        (grid("symmetric", 5, 5, 30.0, 9.0), "more than one place"),
+        (plate([(0.0, 0.0), (30.0, 0.0)], 9.0), "more than one way"),
+        (plate([(0.0, 0.0), (30.0, 0.0), (0.0, 30.0)], 9.0), "more than one way"),
+        (plate([(0.0, 0.0), (47.0, 0.0), (11.0, 33.0), (71.0, 52.0)], 9.0), "fit the layout"),
     ],
-    ids=["spacing", "twice", "diameter", "pattern", "rows"],
+    ids=[
+        "spacing",
+        "twice",
+        "diameter",
+        "pattern",
+        "rows",
+        "a row less",
+        "a row more",
+        "two",
+        "three",
+        "other places",
+    ],
 )
 def test_another_layout_is_refused_with_the_likely_cause(stated, word):
     result = measured(picture([(GRID, posed(GRID))]), stated)
