@@ -1,0 +1,126 @@
+"""Planes that several circles of an image are found to share, with what they say of the candidates. Pure NumPy.
+
+No plane is assumed. One is accepted where at least three circles agree in it, normals and centers, far beyond chance;
+then the next is looked for among the circles that are in none. Where several planes explain the same circles, as the
+mirror image does for circles seen from afar, each has the weight of its evidence.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from circlepose._typing import FloatArray, IntArray
+from circlepose.disambiguation.observed import Observed
+from circlepose.disambiguation.options import DEFAULT, DisambiguationOptions
+from circlepose.disambiguation.plane_evidence import Weighed, weigh
+from circlepose.disambiguation.plane_search import Fits, are_same, proposed, refined
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FoundPlanes:
+    """K planes and the m circles that were judged by them."""
+
+    log_probabilities: FloatArray
+    """(m, 2) of the candidates; both are one half for a circle in no plane"""
+    planes: IntArray
+    """(m,) index of the plane that a circle is in, -1 for none"""
+    normals: FloatArray
+    """(K, 3) unit, towards the camera"""
+    offsets: FloatArray
+    """(K,) n . x of the plane's points x"""
+
+
+def find_planes(circles: Observed, depth_mm: float, *, options: DisambiguationOptions = DEFAULT) -> FoundPlanes:
+    """Find the planes that at least three circles each share.
+
+    Parameters
+    ----------
+    circles
+        m circles of two candidates, camera frame.
+    depth_mm
+        Range of the heights of circles that lie anywhere, in the unit of the centers.
+    options
+        The numbers of the search.
+
+    Returns
+    -------
+    The probabilities of the candidates. `exp` of the smaller one is the probability that the larger one's candidate
+    is wrong.
+    """
+    number = len(circles.centers)
+    probabilities = np.full((number, 2), 0.5)
+    planes = np.full(number, -1)
+    strongest = np.zeros(number)
+    base = np.zeros(number)
+    accepted: list[Fits] = []
+    while len(accepted) < options.most_planes and np.sum(planes < 0) >= options.least_members:
+        fits = _fitted(circles, planes, base, depth_mm, options)
+        weighed = weigh(circles, fits, base, depth_mm, options)
+        best = int(np.argmax(weighed.of_planes))
+        scale = int(np.argmax(weighed.log_evidence[best]))
+        gains, belongs = weighed.log_gains[best, scale], weighed.belongs[best, scale]
+        members = (gains > options.least_log_support) & (belongs > 0.5)
+        is_sure = weighed.of_planes[best] >= options.least_log_evidence
+        if not is_sure or members.sum() < options.least_members or np.all(planes[members] >= 0):
+            break
+        total = gains + base
+        taken = (belongs > 0.5) & (total > strongest)
+        probabilities[taken] = _averaged(weighed, best, options)[taken]
+        plane = fits.subset(np.array([best]))
+        index = _index_of(plane, accepted, options)
+        planes[taken] = index
+        strongest[taken] = total[taken]
+        share = weighed.share_in[best, scale]
+        base = np.logaddexp(np.log1p(-share) + base, np.log(share) + total)
+        if index == len(accepted):
+            accepted.append(plane)
+        elif np.sum(taken) < options.least_members:
+            break
+    return FoundPlanes(
+        np.log(probabilities),
+        planes,
+        np.reshape([plane.normals[0] for plane in accepted], (-1, 3)),
+        np.array([float(plane.normals[0] @ plane.points[0]) for plane in accepted]),
+    )
+
+
+def _index_of(plane: Fits, accepted: list[Fits], options: DisambiguationOptions) -> int:
+    """Return the index of a plane among those accepted: one that was found before, or the next."""
+    # Circles with larger errors than the others of their plane come as a plane of their own.
+    limit = options.same_plane_chi_square * max(options.error_scales) ** 2
+    return next((i for i, each in enumerate(accepted) if are_same(plane, each, limit)[0]), len(accepted))
+
+
+def _fitted(
+    circles: Observed, planes: IntArray, base: FloatArray, depth_mm: float, options: DisambiguationOptions
+) -> Fits:
+    """Return the planes that circles in no plane propose, fitted, each once."""
+    starts = proposed(circles, planes < 0, base, depth_mm, options)
+    every = -(-len(planes) // options.most_compared)
+    fits = refined(circles.subset(slice(None, None, every)), starts, depth_mm, options)
+    kept: list[int] = []
+    left = np.ones(len(fits.normals), dtype=bool)
+    for i in range(len(left)):
+        if left[i]:
+            kept.append(i)
+            one = fits.subset(np.array([i]))
+            left &= ~are_same(one, fits, options.same_plane_chi_square * options.search_scale**2)
+    return fits.subset(np.array(kept))
+
+
+def _averaged(weighed: Weighed, best: int, options: DisambiguationOptions) -> FloatArray:
+    """Return the probabilities (m, k) over all planes that explain the circles of the best one, and over none."""
+    likeliest = np.argmax(weighed.log_evidence, axis=1)
+    members = np.take_along_axis(weighed.belongs, likeliest[:, None, None], axis=1)[:, 0] > 0.5
+    shared = np.sum(members & members[best], axis=1)
+    smaller = np.minimum(members.sum(axis=1), members[best].sum())
+    is_alternative = shared > options.shared_members * smaller
+    log_weights = np.where(is_alternative[:, None], weighed.log_evidence, -np.inf)
+    # Odds of 1 that there is no plane.
+    total = np.logaddexp(np.logaddexp.reduce(log_weights, axis=None), 0.0)
+    weights = np.exp(log_weights - total)
+    evens = 1.0 / weighed.shares.shape[-1]
+    each = weighed.belongs[..., None] * weighed.shares + (1.0 - weighed.belongs[..., None]) * evens
+    return np.einsum("he,hemk->mk", weights, each) + (1.0 - weights.sum()) * evens
