@@ -14,7 +14,7 @@ from circlepose.detection import EXTRACTIONS
 from circlepose.detection.axis_intervals import axis_intervals
 from circlepose.detection.contour import Contour, Rejection
 from circlepose.disambiguation.options import DisambiguationOptions
-from circlepose.disambiguation.settle import settled_by_hints
+from circlepose.disambiguation.settle import settled
 from circlepose.imaging.color_mixes import ColorMix, ColorMixOptions, color_mixes
 from circlepose.imaging.gray import to_channels
 from circlepose.measurement.color_views import fit_rims_in, measure_circles, pixels_in
@@ -24,7 +24,7 @@ from circlepose.measurement.options import MeasurementOptions
 from circlepose.measurement.poses import results_of_rims, with_doubt
 from circlepose.measurement.rim import Rim
 from circlepose.measurement.selection import measure_rings
-from circlepose.results import CircleResult, Failure, Flag, ImageResult, Status
+from circlepose.results import CircleResult, Failure, Flag, ImageResult, Plane, Status
 from circlepose.rings.guided_search import with_hidden_rims
 from circlepose.rings.matching import match_rings
 from circlepose.rings.options import RingOptions
@@ -207,7 +207,7 @@ def estimate_with_trace(
     intervals = axis_intervals(target, camera, size, options.measurement.detection)
     numbers = options.measurement.with_bounds(min_score, max_residual_px)
     views = (None, *color_mixes(channels, options.color_mixes))
-    incomplete = ""
+    incomplete, planes = "", tuple[Plane, ...]()
     if target.kind == "circle":
         measured = measure_circles(
             channels,
@@ -237,7 +237,8 @@ def estimate_with_trace(
             trace.rims, camera, methods, target.radii_mm[0], range(len(trace.rims)), "disc", options=numbers
         )
         circles = with_nested_rims(circles, measured.nested, numbers.detection)
-        circles = settled_by_hints(circles, target, options=options.disambiguation)
+        planar = settled(circles, target, camera, options=options.disambiguation)
+        circles, planes = planar.circles, planar.planes
     else:
         found, trace, remark = _ring_targets(
             channels,
@@ -257,7 +258,7 @@ def estimate_with_trace(
     if min_score is not None:
         usual = options.measurement.detection
         circles = with_doubt(circles, usual.least_score * (1.0 if target.kind == "circle" else usual.ring_leniency))
-    result = _image_result(name, size, target, circles, rejected, incomplete, intervals)
+    result = replace(_image_result(name, size, target, circles, rejected, incomplete, intervals), planes=planes)
     if remark:
         reason = "; ".join(each for each in (result.reason, remark) if each)
         result = replace(result, remark=remark, reason=reason if result.status is not Status.OK else "")

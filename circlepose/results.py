@@ -83,6 +83,7 @@ class Flag(StrEnum):
     EDGES_ONLY = "edges_only"
     DOUBTFUL = "doubtful"
     NESTED_RIMS = "nested_rims"
+    OFF_PLANE = "off_plane"
 
 
 FLAG_MEANING: Mapping[Flag, str] = {
@@ -99,6 +100,7 @@ FLAG_MEANING: Mapping[Flag, str] = {
     Flag.EDGES_ONLY: "measured from edges alone: no gray levels could be fitted; only a rough rim has a covariance",
     Flag.DOUBTFUL: "may be round by chance: its score is below the least by default; --min-score asked for it",
     Flag.NESTED_RIMS: "the circle's other concentric rims could be the target's, too; see nested_rims in JSON",
+    Flag.OFF_PLANE: "all circles were declared to lie in one plane, but this one does not; it keeps its own pose",
 }
 
 
@@ -263,6 +265,8 @@ class CircleResult:
     """probability that the chosen candidate is the wrong one"""
     settled_by: SettledBy = SettledBy.NONE
     """what settled the choice of the candidate"""
+    plane: int | None = None
+    """index in `ImageResult.planes` of the plane that the chosen candidate lies in with other circles; else None"""
     vanishing_normal: FloatArray | None = None
     """(3,) coplanar targets: unit normal from the vanishing line of two circles, independent of the joint fit"""
     vanishing_sigma_deg: float | None = None
@@ -308,6 +312,20 @@ class CircleResult:
         return f"{head}, {pose._numbers()}, ambiguity {self.ambiguity:.2g}{remarks})"
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Plane:
+    """A plane that several lone circles of an image share, found or declared, in the camera frame."""
+
+    method: str
+    """method of the poses"""
+    normal: FloatArray
+    """(3,) unit vector n towards the camera"""
+    offset_mm: float
+    """n . x of the plane's points x; its distance from the camera is the negative"""
+    circles: int
+    """how many circles lie in it"""
+
+
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class ImageResult:
     """All that was measured in one image, or why nothing was."""
@@ -324,6 +342,8 @@ class ImageResult:
     """how many contours were not used, by reason"""
     remark: str = ""
     """what else is to be said of the image: that its file has more pages, that it is a raw mosaic or interlaced"""
+    planes: tuple[Plane, ...] = ()
+    """the planes that lone circles share; see `CircleResult.plane`"""
 
     def __repr__(self) -> str:
         size = "" if self.image_size is None else f", {self.image_size[0]} x {self.image_size[1]} px"

@@ -1,7 +1,7 @@
-"""Simulated scenes of lone circles, some of them in planes: measured with exact noise, both candidates, and the truth.
+"""Simulated scenes of lone circles, some of them in planes: both candidates of each, and the truth.
 
-Each rim is the true one plus a sample of its five modes, of which the covariance follows from the noise of its edge. So the
-candidates have exactly the errors that their covariances state, and no image is needed.
+A rim is the true one plus a sample of its five modes, whose covariance follows from the noise of the edge. So the
+candidates have the errors that their covariances state, and no image is needed.
 """
 
 from __future__ import annotations
@@ -90,9 +90,7 @@ def _normal(rng: np.random.Generator, center: FloatArray, most_tilt_deg: float) 
     cosine = rng.uniform(np.cos(np.radians(most_tilt_deg)), 1.0)
     turn = rng.uniform(0.0, 2.0 * np.pi)
     first, second = plane_basis(toward)
-    return np.asarray(
-        cosine * toward + np.sqrt(1.0 - cosine**2) * (np.cos(turn) * first + np.sin(turn) * second)
-    )
+    return np.asarray(cosine * toward + np.sqrt(1.0 - cosine**2) * (np.cos(turn) * first + np.sin(turn) * second))
 
 
 def _measured(
@@ -106,7 +104,10 @@ def _measured(
     centers, normals = poses_from_frame(frame, RADIUS_MM)
     if len(centers) < 2:
         return None
-    own = [pose_covariances(measured, frame.rotation[:, 2], modes, c, n, RADIUS_MM) for c, n in zip(centers, normals)]
+    own = [
+        pose_covariances(measured, frame.rotation[:, 2], modes, c, n, RADIUS_MM)
+        for c, n in zip(centers, normals, strict=True)
+    ]
     order = rng.permutation(2)
     candidates = tuple(
         Candidate(centers[k], normals[k], np.zeros(2), covariance=own[k] if np.all(np.isfinite(own[k])) else None)

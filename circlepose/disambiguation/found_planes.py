@@ -79,7 +79,7 @@ def find_planes(circles: Observed, depth_mm: float, *, options: DisambiguationOp
         elif np.sum(taken) < options.least_members:
             break
     return FoundPlanes(
-        np.log(probabilities),
+        np.log(np.maximum(probabilities, 1e-300)),
         planes,
         np.reshape([plane.normals[0] for plane in accepted], (-1, 3)),
         np.array([float(plane.normals[0] @ plane.points[0]) for plane in accepted]),

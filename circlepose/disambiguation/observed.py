@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from circlepose._numerics import cross
-from circlepose._typing import FloatArray
+from circlepose._typing import FloatArray, IntArray
 from circlepose.disambiguation.options import DisambiguationOptions
 from circlepose.geometry.cone import plane_basis
 from circlepose.results import Candidate, CircleResult
@@ -35,7 +35,7 @@ class Observed:
     log_peaks: FloatArray
     """(m, k) logarithm of the density at no deviation, rad^-2 mm^-1"""
 
-    def subset(self, index: FloatArray | slice) -> Observed:
+    def subset(self, index: IntArray | slice) -> Observed:
         """Return the circles of `index`."""
         return Observed(
             self.centers[index],
@@ -83,12 +83,17 @@ def moved(normals: FloatArray, points: FloatArray, steps: FloatArray) -> tuple[F
 
 def observed(circles: Sequence[CircleResult], options: DisambiguationOptions) -> Observed:
     """Return the candidates of circles that all have as many."""
-    candidates = [[(circle, candidate) for candidate in circle.candidates] for circle in circles]
-    centers = np.array([[c.center for _, c in each] for each in candidates])
-    normals = np.array([[c.normal for _, c in each] for each in candidates])
-    covariances = np.array([[deviation_covariance(circle, c, options) for circle, c in each] for each in candidates])
-    allowance = np.array([np.radians(options.flatness_deg)] * 2 + [options.flatness_mm])
-    return observations(centers, normals, covariances + np.diag(allowance**2))
+    centers = np.array([[candidate.center for candidate in circle.candidates] for circle in circles])
+    normals = np.array([[candidate.normal for candidate in circle.candidates] for circle in circles])
+    covariances = np.array(
+        [[deviation_covariance(circle, each, options) for each in circle.candidates] for circle in circles]
+    )
+    return observations(centers, normals, covariances + flatness(options))
+
+
+def flatness(options: DisambiguationOptions) -> FloatArray:
+    """Return the covariance (3, 3) of the tilts (rad) and the height (mm) of circles in an uneven surface."""
+    return np.diag([np.radians(options.flatness_deg)] * 2 + [options.flatness_mm]) ** 2
 
 
 def observations(centers: FloatArray, normals: FloatArray, covariances: FloatArray) -> Observed:

@@ -63,6 +63,12 @@ class DisambiguationOptions:
     most_planes: int = 8
     """planes in an image; limits the time; cost"""
 
+    # One plane for circles that are declared to share it.
+    median_chi_square: float = 2.366
+    """median of a chi-square of 3 degrees of freedom; exact"""
+    flatness_shares: tuple[float, ...] = (0.0, 1e-3, 1e-2, 0.1, 1.0)
+    """shares of the variances of `flatness_deg` and `flatness_mm`, of which the likeliest is taken; numerical"""
+
     # Whether a hint decides.
     least_log_likelihood: float = -12.5
     """logarithm; that of 5 standard deviations, below which a hint does not hold for a circle; statistical"""

@@ -93,15 +93,11 @@ def _log(values: FloatArray) -> FloatArray:
     return np.log(np.maximum(values, 1e-300))
 
 
-def _integrated(
-    gains: FloatArray, base: FloatArray, options: DisambiguationOptions
-) -> tuple[FloatArray, FloatArray]:
+def _integrated(gains: FloatArray, base: FloatArray, options: DisambiguationOptions) -> tuple[FloatArray, FloatArray]:
     """Return log likelihoods (h, e) over all shares of circles in the plane, and the expected share (h, e)."""
     nodes, weights = np.polynomial.legendre.leggauss(options.member_nodes)
     share = (nodes + 1.0) / 2.0
-    joint = np.logaddexp(
-        np.log(1.0 - share)[:, None] + base, np.log(share)[:, None] + gains[..., None, :]
-    ) - base
+    joint = np.logaddexp(np.log(1.0 - share)[:, None] + base, np.log(share)[:, None] + gains[..., None, :]) - base
     each = joint.sum(axis=-1) + np.log(weights / 2.0)
     total = np.logaddexp.reduce(each, axis=-1)
     return total, np.sum(np.exp(each - total[..., None]) * share, axis=-1)

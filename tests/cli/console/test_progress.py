@@ -105,8 +105,8 @@ def test_the_closing_lines_name_what_to_type_next(capsys):
     counted(Reporter(quiet=False, verbose=False))
     assert capsys.readouterr().err.splitlines() == [
         "11 more circles were found: --count all measures all",
-        "2 measured, 0 failed, 1 ambiguous: either pose may be the right one; give --count all --coplanar if the "
-        "circles lie in one plane, or --facing, --normal or --up, or a target of two circles",
+        "2 measured, 0 failed, 1 ambiguous: either pose may be the right one; give --count all if three or "
+        "more circles lie in one plane, or --facing, --normal or --up, or a target of two circles",
     ]
 
 
