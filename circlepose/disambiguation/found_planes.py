@@ -58,21 +58,21 @@ def find_planes(circles: Observed, depth_mm: float, *, options: DisambiguationOp
     while len(accepted) < options.most_planes and np.sum(planes < 0) >= options.least_members:
         fits = _fitted(circles, planes, base, depth_mm, options)
         weighed = weigh(circles, fits, base, depth_mm, options)
-        best = int(np.argmax(weighed.of_planes))
-        scale = int(np.argmax(weighed.log_evidence[best]))
-        gains, belongs = weighed.log_gains[best, scale], weighed.belongs[best, scale]
+        gains, belongs = weighed.log_gains[0], weighed.belongs[0]
+        best = int(weighed.planes[0])
         members = (gains > options.least_log_support) & (belongs > 0.5)
-        is_sure = weighed.of_planes[best] >= options.least_log_evidence
+        log_odds = np.logaddexp.reduce(weighed.log_evidence[weighed.planes == best])
+        is_sure = log_odds >= options.least_log_evidence
         if not is_sure or members.sum() < options.least_members or np.all(planes[members] >= 0):
             break
         total = gains + base
         taken = (belongs > 0.5) & (total > strongest)
-        probabilities[taken] = _averaged(weighed, best, options)[taken]
+        probabilities[taken] = _averaged(weighed, options)[taken]
         plane = fits.subset(np.array([best]))
         index = _index_of(plane, accepted, options)
         planes[taken] = index
         strongest[taken] = total[taken]
-        share = weighed.share_in[best, scale]
+        share = weighed.share_in[0]
         base = np.logaddexp(np.log1p(-share) + base, np.log(share) + total)
         if index == len(accepted):
             accepted.append(plane)
@@ -99,28 +99,31 @@ def _fitted(
     """Return the planes that circles in no plane propose, fitted, each once."""
     starts = proposed(circles, planes < 0, base, depth_mm, options)
     every = -(-len(planes) // options.most_compared)
-    fits = refined(circles.subset(slice(None, None, every)), starts, depth_mm, options)
+    sample = slice(None, None, every)
+    fits = refined(circles.subset(sample), starts, depth_mm, options)
     kept: list[int] = []
     left = np.ones(len(fits.normals), dtype=bool)
     for i in range(len(left)):
         if left[i]:
             kept.append(i)
             one = fits.subset(np.array([i]))
-            left &= ~are_same(one, fits, options.same_plane_chi_square * options.search_scale**2)
-    return fits.subset(np.array(kept))
+            left &= ~are_same(one, fits, options.same_fit_chi_square)
+    fits = fits.subset(np.array(kept))
+    if every == 1:
+        return fits
+    # What a part of the circles rules out, all of them do.
+    return fits.subset(np.unique(weigh(circles.subset(sample), fits, base[sample], depth_mm, options).planes))
 
 
-def _averaged(weighed: Weighed, best: int, options: DisambiguationOptions) -> FloatArray:
-    """Return the probabilities (m, k) over all planes that explain the circles of the best one, and over none."""
-    likeliest = np.argmax(weighed.log_evidence, axis=1)
-    members = np.take_along_axis(weighed.belongs, likeliest[:, None, None], axis=1)[:, 0] > 0.5
-    shared = np.sum(members & members[best], axis=1)
-    smaller = np.minimum(members.sum(axis=1), members[best].sum())
+def _averaged(weighed: Weighed, options: DisambiguationOptions) -> FloatArray:
+    """Return the probabilities (m, k) over all planes that explain the circles of the likeliest, and over none."""
+    members = weighed.belongs > 0.5
+    shared = np.sum(members & members[0], axis=1)
+    smaller = np.minimum(members.sum(axis=1), members[0].sum())
     is_alternative = shared > options.shared_members * smaller
-    log_weights = np.where(is_alternative[:, None], weighed.log_evidence, -np.inf)
+    log_weights = np.where(is_alternative, weighed.log_evidence, -np.inf)
     # Odds of 1 that there is no plane.
-    total = np.logaddexp(np.logaddexp.reduce(log_weights, axis=None), 0.0)
-    weights = np.exp(log_weights - total)
+    weights = np.exp(log_weights - np.logaddexp(np.logaddexp.reduce(log_weights), 0.0))
     evens = 1.0 / weighed.shares.shape[-1]
     each = weighed.belongs[..., None] * weighed.shares + (1.0 - weighed.belongs[..., None]) * evens
-    return np.einsum("he,hemk->mk", weights, each) + (1.0 - weights.sum()) * evens
+    return np.einsum("p,pmk->mk", weights, each) + (1.0 - weights.sum()) * evens

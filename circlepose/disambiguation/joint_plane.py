@@ -16,9 +16,9 @@ from circlepose.camera.camera import Camera
 from circlepose.disambiguation.observed import (
     Observed,
     deviation_covariance,
-    deviation_slopes,
     flatness,
     inverse,
+    misfits,
     moved,
     observations,
 )
@@ -72,11 +72,14 @@ def on_joint_plane(
     plane = Plane(
         circles[0].method, fit.normals[0], float(fit.normals[0] @ fit.points[0]), int(np.count_nonzero(is_in))
     )
-    placed = [
-        _placed(circle, fit, camera, index) if agrees else _flagged(circle)
-        for circle, agrees in zip(circles, is_in, strict=True)
-    ]
-    return JointPlane(placed, plane)
+    placed = iter(_placed([pose for pose, agrees in zip(poses, is_in, strict=True) if agrees], fit, camera))
+    return JointPlane(
+        [
+            _with_pose(circle, next(placed), index) if agrees else _flagged(circle)
+            for circle, agrees in zip(circles, is_in, strict=True)
+        ],
+        plane,
+    )
 
 
 def _searched(circles: Observed, options: DisambiguationOptions) -> Fits:
@@ -84,10 +87,10 @@ def _searched(circles: Observed, options: DisambiguationOptions) -> Fits:
     depth_mm = options.depth_share * float(np.median(np.linalg.norm(circles.centers, axis=-1)))
     number = len(circles.centers)
     starts = proposed(circles, np.ones(number, dtype=bool), np.zeros(number), depth_mm, options)
-    every = -(-number // options.most_compared)
-    fits = refined(circles.subset(slice(None, None, every)), starts, depth_mm, options)
+    compared = circles.subset(slice(None, None, -(-number // options.most_compared)))
+    fits = refined(compared, starts, depth_mm, options)
     worst = options.outlier_chi_square * options.search_scale**2
-    best = int(np.argmin(np.sum(np.minimum(_misfits(circles, fits), worst), axis=-1)))
+    best = int(np.argmin(np.sum(np.minimum(_misfits(compared, fits), worst), axis=-1)))
     return fits.subset(slice(best, best + 1))
 
 
@@ -95,16 +98,16 @@ def _misfits(circles: Observed, fits: Fits) -> FloatArray:
     """Return the misfits (h, m) of the circles to planes, whose own errors count."""
     values, slopes = circles.deviations(fits.normals, fits.points)
     spread = circles.covariances + slopes @ fits.covariances[:, None, None] @ np.swapaxes(slopes, -1, -2)
-    return np.asarray(np.einsum("hmki,hmkij,hmkj->hm", values, inverse(spread)[0], values))
+    return misfits(values, inverse(spread)[0]).sum(axis=-1)
 
 
 def _agreeing(circles: Observed, fit: Fits, options: DisambiguationOptions) -> BoolArray:
     """(m,) Whether the circles lie in the plane, with errors as they are where most do."""
-    misfits = _misfits(circles, fit)[0]
-    within = misfits[misfits <= options.outlier_chi_square * max(options.error_scales) ** 2]
+    squares = _misfits(circles, fit)[0]
+    within = squares[squares <= options.outlier_chi_square * max(options.error_scales) ** 2]
     # The median of a chi-square is smaller than its mean.
     common = float(np.median(within)) / options.median_chi_square if len(within) else 1.0
-    return np.asarray(misfits <= options.outlier_chi_square * max(common, 1.0))
+    return np.asarray(squares <= options.outlier_chi_square * max(common, 1.0))
 
 
 def _fitted(
@@ -121,7 +124,7 @@ def _fitted(
             steps = -np.einsum("hpq,hq->hp", covariance, pull)
             fit = Fits(*moved(fit.normals, fit.points, steps), covariance)
         values, _ = circles.deviations(fit.normals, fit.points)
-        misfit = float(np.einsum("hmki,mkij,hmkj->", values, circles.information, values))
+        misfit = float(misfits(values, circles.information).sum())
         # Restricted likelihood: the plane's own parameters are integrated out.
         likelihood = float(circles.log_peaks.sum() - 0.5 * misfit + 0.5 * np.linalg.slogdet(fit.covariances[0])[1])
         if likelihood > most:
@@ -130,44 +133,63 @@ def _fitted(
     return best
 
 
-def _placed(circle: CircleResult, fit: Fits, camera: Camera, index: int) -> CircleResult:
-    """Return a circle whose chosen candidate is in the plane."""
-    pose = circle.candidates[circle.chosen]
+def _placed(poses: Sequence[Candidate], fit: Fits, camera: Camera) -> list[Candidate]:
+    """Return poses moved into the plane."""
     normal, point = fit.normals[0], fit.points[0]
-    if pose.covariance is None:
-        along = float(normal @ point) / float(normal @ pose.center)
-        center, covariance = pose.center * along, None
-    else:
-        center, covariance = _in_plane(pose, pose.covariance, fit)
-    imaged = camera.project(center[None])[0]
-    candidate = replace(
-        pose, center=center, normal=normal, covariance=covariance, imaged_center=imaged, covariance_terms=None
-    )
-    candidates = tuple(candidate if i == circle.chosen else each for i, each in enumerate(circle.candidates))
-    return replace(circle, candidates=candidates, plane=index)
+    centers = np.array([pose.center for pose in poses])
+    along = float(normal @ point) / (centers @ normal)
+    known = [i for i, pose in enumerate(poses) if pose.covariance is not None]
+    covariances: dict[int, FloatArray] = {}
+    moved_centers = centers * along[:, None]
+    if known:
+        own = np.array([poses[i].covariance for i in known])
+        moved_centers[known], totals = _in_plane(centers[known], np.array([poses[i].normal for i in known]), own, fit)
+        covariances = dict(zip(known, totals, strict=True))
+    return [
+        replace(
+            pose,
+            center=center,
+            normal=normal,
+            covariance=covariances.get(i),
+            covariance_terms=None,
+            imaged_center=imaged,
+        )
+        for i, (pose, center, imaged) in enumerate(
+            zip(poses, moved_centers, camera.project(moved_centers), strict=True)
+        )
+    ]
 
 
-def _in_plane(pose: Candidate, covariance: FloatArray, fit: Fits) -> tuple[FloatArray, FloatArray]:
-    """Return the likeliest center (3,) of a pose in the plane, and its covariance (5, 5).
+def _in_plane(
+    centers: FloatArray, normals: FloatArray, covariances: FloatArray, fit: Fits
+) -> tuple[FloatArray, FloatArray]:
+    """Return the likeliest centers (m, 3) of poses in the plane, and the covariances (m, 5, 5) of those poses.
 
-    With deviations G x of covariance G C G' the pose moves by -C G' (G C G')^-1 times them: Gauss-Markov, with the
+    With deviations G x of covariance G C G' a pose moves by -C G' (G C G')^-1 times them: Gauss-Markov, with the
     plane as a condition. What is left of C is independent of the deviations, and so of the plane.
     """
-    slopes = deviation_slopes(pose.normal)
-    gain = np.linalg.solve(slopes @ covariance @ slopes.T, slopes @ covariance).T
-    single = observations(pose.center[None, None], pose.normal[None, None], np.eye(3)[None, None])
-    values, by_plane = (each[0, 0, 0] for each in single.deviations(fit.normals, fit.points))
-    normal, point = fit.normals[0], fit.points[0]
-    center = pose.center - gain[:3] @ values
-    # First order leaves it beside the plane by as much as the second.
-    center = center - normal * float(normal @ (center - point))
-    rest = covariance - gain @ slopes @ covariance
-    moves = np.zeros((5, 3))
-    moves[:3] = -gain[:3] @ by_plane
-    moves[3:, :2] = np.eye(2)
-    total = moves @ fit.covariances[0] @ moves.T
-    total[:3, :3] += rest[:3, :3]
-    return center, (total + total.T) / 2.0
+    slopes = np.zeros((len(centers), 3, 5))
+    slopes[:, :2, 3:] = np.eye(2)
+    slopes[:, 2, :3] = normals
+    across = slopes @ covariances
+    gains = np.swapaxes(inverse(across @ np.swapaxes(slopes, -1, -2))[0] @ across, -1, -2)
+    plain = np.broadcast_to(np.eye(3), (len(centers), 1, 3, 3))
+    values, by_plane = observations(centers[:, None], normals[:, None], plain).deviations(fit.normals, fit.points)
+    centers = centers - (gains[:, :3] @ values[0, :, 0, :, None])[..., 0]
+    # First order leaves them beside the plane by as much as the second.
+    normal = fit.normals[0]
+    centers = centers - ((centers - fit.points[0]) @ normal)[:, None] * normal
+    moves = np.zeros((len(centers), 5, 3))
+    moves[:, :3] = -gains[:, :3] @ by_plane[0, :, 0]
+    moves[:, 3:, :2] = np.eye(2)
+    total = moves @ fit.covariances[0] @ np.swapaxes(moves, -1, -2)
+    total[:, :3, :3] += (covariances - gains @ across)[:, :3, :3]
+    return centers, (total + np.swapaxes(total, -1, -2)) / 2.0
+
+
+def _with_pose(circle: CircleResult, pose: Candidate, index: int) -> CircleResult:
+    candidates = tuple(pose if i == circle.chosen else each for i, each in enumerate(circle.candidates))
+    return replace(circle, candidates=candidates, plane=index)
 
 
 def _flagged(circle: CircleResult) -> CircleResult:

@@ -59,17 +59,22 @@ class Observed:
         Tilts (rad) and height (mm), and their derivatives by two tilts of the plane about its point, towards the
         vectors of `cone.plane_basis`, and by a shift of the plane along its normal.
         """
-        across = -np.einsum("hx,mktx->hmkt", normals, self.bases)
+        frames = np.concatenate([np.stack(plane_basis(normals), axis=-2), normals[:, None]], axis=1)
+        # Products of matrices, as einsum is slow for as many: components along the frames, (h, m, k, 2, 3).
+        tilted = np.moveaxis(self.bases @ frames.reshape(-1, 3).T, -1, 0)
+        tilted = np.moveaxis(tilted.reshape(len(frames), 3, *self.bases.shape[:3]), 1, -1)
+        away = np.moveaxis(self.centers @ frames.reshape(-1, 3).T, -1, 0)
+        away = np.moveaxis(away.reshape(len(frames), 3, *self.centers.shape[:2]), 1, -1)
+        away = away - np.einsum("hsx,hx->hs", frames, points)[:, None, None]
+        across = -tilted[..., 2]
         sine = np.linalg.norm(across, axis=-1)
-        angle = np.arctan2(sine, np.einsum("hx,mkx->hmk", normals, self.normals))
+        cosine = np.moveaxis(self.normals @ normals.T, -1, 0)
         values = np.empty((*sine.shape, 3))
-        values[..., :2] = across * (angle / np.maximum(sine, 1e-300))[..., None]
-        away = self.centers - points[:, None, None]
-        values[..., 2] = np.einsum("hx,hmkx->hmk", normals, away)
-        turns = np.stack(plane_basis(normals), axis=-2)
+        values[..., :2] = across * (np.arctan2(sine, cosine) / np.maximum(sine, 1e-300))[..., None]
+        values[..., 2] = away[..., 2]
         slopes = np.zeros((*sine.shape, 3, 3))
-        slopes[..., :2, :2] = -np.einsum("mktx,hsx->hmkts", self.bases, turns)
-        slopes[..., 2, :2] = np.einsum("hmkx,hsx->hmks", away, turns)
+        slopes[..., :2, :2] = -tilted[..., :2]
+        slopes[..., 2, :2] = away[..., :2]
         slopes[..., 2, 2] = -1.0
         return values, slopes
 
@@ -139,6 +144,11 @@ def standard_errors(
     # cos(tilt) = b/a, whose error becomes the tilt's over sin(tilt), or its own root near frontal.
     tilt = float(axes / max(np.sqrt(max(1.0 - (b / a) ** 2, 0.0)), np.sqrt(axes)))
     return tilt, float(np.linalg.norm(candidate.center)) * axes
+
+
+def misfits(values: FloatArray, information: FloatArray) -> FloatArray:
+    """Return the squares (...) of values (..., 3), standardized by their information (..., 3, 3)."""
+    return np.asarray(np.sum((information @ values[..., None])[..., 0] * values, axis=-1))
 
 
 def inverse(matrices: FloatArray) -> tuple[FloatArray, FloatArray]:

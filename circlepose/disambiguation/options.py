@@ -38,6 +38,8 @@ class DisambiguationOptions:
     """logarithm of a plane's odds against chance, at least: 1 in 1000 is made up; statistical"""
     least_log_support: float = 3.0
     """logarithm of the odds of a member, given the plane of the others: 1 in 20; statistical"""
+    log_evidence_window: float = 12.0
+    """logarithm; planes less likely than the likeliest by more do not count: 6 in a million; numerical"""
     depth_share: float = 1.0
     """range of the heights of circles that lie anywhere, as a share of their median distance; empirical"""
     error_scales: tuple[float, ...] = (1.0, 2.0, 4.0)
@@ -46,14 +48,16 @@ class DisambiguationOptions:
     """probability of each of `error_scales`, by photographs; empirical"""
     search_scale: float = 2.0
     """times the standard errors while planes are searched; empirical"""
-    most_plane_proposers: int = 60
+    most_plane_proposers: int = 50
     """circles whose candidates are proposed as planes, of those in none; limits the time; cost"""
-    most_planes_fitted: int = 8
+    most_planes_fitted: int = 6
     """proposed planes that are fitted, and as many of those that the best one rejects; cost"""
-    most_compared: int = 200
+    most_compared: int = 100
     """circles that proposals are compared with and planes are fitted to; limits the time; empirical"""
     fit_rounds: int = 5
     """rounds of fitting a proposed plane; numerical"""
+    same_fit_chi_square: float = 4.0
+    """chi-square, 3 degrees of freedom, below which two fits have found the same plane; numerical"""
     same_plane_chi_square: float = 16.0
     """chi-square, 3 degrees of freedom, below which two planes are one: 1 in 1000 is above; statistical"""
     shared_members: float = 0.5

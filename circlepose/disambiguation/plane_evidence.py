@@ -11,31 +11,31 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from circlepose._typing import FloatArray
-from circlepose.disambiguation.observed import Observed, inverse
+from circlepose._typing import FloatArray, IntArray
+from circlepose.disambiguation.observed import Observed, inverse, misfits
 from circlepose.disambiguation.options import DisambiguationOptions
 from circlepose.disambiguation.plane_search import Fits, background, terms, weak_information
+
+_LARGEST = 700.0
+"""logarithm that does not overflow; numerical"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Weighed:
-    """h planes, each with e scales of the errors."""
+    """p explanations of m circles, the likeliest first: a plane and a scale of the errors each."""
 
+    planes: IntArray
+    """(p,) index of the plane"""
     log_evidence: FloatArray
-    """(h, e) logarithm of the odds against chance"""
+    """(p,) logarithm of the odds against chance"""
     log_gains: FloatArray
-    """(h, e, m) how much likelier each circle is in the plane of the others than anywhere, logarithm"""
+    """(p, m) how much likelier each circle is in the plane of the others than without that plane, logarithm"""
     belongs: FloatArray
-    """(h, e, m) probability that it lies in the plane"""
+    """(p, m) probability that it lies in the plane"""
     shares: FloatArray
-    """(h, e, m, k) probabilities of the candidates, if it lies in the plane"""
+    """(p, m, k) probabilities of the candidates, if it lies in the plane"""
     share_in: FloatArray
-    """(h, e) of the circles in the plane"""
-
-    @property
-    def of_planes(self) -> FloatArray:
-        """(h,) logarithm of the odds of each plane, whatever the scale."""
-        return np.asarray(np.logaddexp.reduce(self.log_evidence, axis=1))
+    """(p,) of the circles in the plane"""
 
 
 def weigh(
@@ -55,49 +55,53 @@ def weigh(
         Range of heights of circles that lie anywhere.
     options
         Scales of the errors with their probabilities.
+
+    Returns
+    -------
+    The explanations that are not out of the question beside the likeliest one.
     """
-    number = circles.centers.shape[1]
-    scales = np.array(options.error_scales)[:, None, None]
-    anywhere = np.log(background(depth_mm))
+    scales = np.array(options.error_scales)
+    count, anywhere = np.log(circles.centers.shape[1]), np.log(background(depth_mm))
     values, slopes = circles.deviations(fits.normals, fits.points)
-    misfits = np.einsum("hmki,mkij,hmkj->hmk", values, circles.information, values)[:, None]
-    densities = circles.log_peaks - 3.0 * np.log(scales) - 0.5 * misfits / scales**2 - np.log(number)
+    squares = misfits(values, circles.information)[:, None] / scales[:, None, None] ** 2
+    densities = circles.log_peaks - 3.0 * np.log(scales)[:, None, None] - 0.5 * squares - count
     gains = np.logaddexp.reduce(densities, axis=-1) - anywhere
     log_likelihood, share_in = _integrated(gains, base, options)
-    # Laplace: the plane's own parameters, of which the data leave that volume.
-    determinants = np.linalg.slogdet(fits.covariances)[1][:, None] + 6.0 * np.log(scales[:, 0, 0])
-    volume = 0.5 * determinants + 1.5 * np.log(2.0 * np.pi) + anywhere
-    log_evidence = log_likelihood + volume + np.log(options.scale_shares)
+    # Laplace: the volume that the data leave to the plane's own parameters, over that before.
+    volume = 0.5 * np.linalg.slogdet(fits.covariances)[1][:, None] + 3.0 * np.log(scales)
+    log_evidence = log_likelihood + volume + 1.5 * np.log(2.0 * np.pi) + anywhere + np.log(options.scale_shares)
 
-    total = np.logaddexp(_log(1.0 - share_in)[..., None] + base, _log(share_in)[..., None] + gains)
-    odds = _log(share_in)[..., None, None] + densities - anywhere
-    responsibility = np.exp(odds - total[..., None])
-    alone = [
-        _by_the_others(circles, fits, values, slopes, responsibility[:, e], float(scale), depth_mm)
-        for e, scale in enumerate(scales[:, 0, 0])
-    ]
-    others = np.stack(alone, axis=1) - np.log(number)
-    log_gains = np.logaddexp.reduce(others, axis=-1) - anywhere
-    inside = _log(share_in)[..., None] + log_gains
-    outside = _log(1.0 - share_in)[..., None] + base
-    return Weighed(
-        log_evidence,
-        log_gains - base,
-        np.exp(inside - np.logaddexp(inside, outside)),
-        np.exp(others - np.logaddexp.reduce(others, axis=-1, keepdims=True)),
-        share_in,
+    order = np.argsort(-log_evidence, axis=None)
+    order = order[log_evidence.ravel()[order] >= log_evidence.max() - options.log_evidence_window]
+    if log_evidence.max() + np.log(len(scales)) < options.least_log_evidence:
+        # None will be accepted.
+        order = order[:1]
+    plane, scale = np.unravel_index(order, log_evidence.shape)
+    share = share_in[plane, scale]
+    inside, outside = np.log(share)[:, None], np.log1p(-share)[:, None] + base
+    total = np.logaddexp(outside, inside + gains[plane, scale])
+    weights = np.exp(inside[..., None] + densities[plane, scale] - anywhere - total[..., None])
+    others = _by_the_others(
+        circles, fits.subset(plane), values[plane], slopes[plane], weights, scales[scale], depth_mm
     )
-
-
-def _log(values: FloatArray) -> FloatArray:
-    return np.log(np.maximum(values, 1e-300))
+    others = others - count
+    log_gains = np.logaddexp.reduce(others, axis=-1) - anywhere
+    return Weighed(
+        plane,
+        log_evidence[plane, scale],
+        log_gains - base,
+        np.exp(inside + log_gains - np.logaddexp(inside + log_gains, outside)),
+        np.exp(others - np.logaddexp.reduce(others, axis=-1, keepdims=True)),
+        share,
+    )
 
 
 def _integrated(gains: FloatArray, base: FloatArray, options: DisambiguationOptions) -> tuple[FloatArray, FloatArray]:
     """Return log likelihoods (h, e) over all shares of circles in the plane, and the expected share (h, e)."""
     nodes, weights = np.polynomial.legendre.leggauss(options.member_nodes)
     share = (nodes + 1.0) / 2.0
-    joint = np.logaddexp(np.log(1.0 - share)[:, None] + base, np.log(share)[:, None] + gains[..., None, :]) - base
+    relative = np.exp(np.minimum(gains - base, _LARGEST))
+    joint = np.log((1.0 - share)[:, None] + share[:, None] * relative[..., None, :])
     each = joint.sum(axis=-1) + np.log(weights / 2.0)
     total = np.logaddexp.reduce(each, axis=-1)
     return total, np.sum(np.exp(each - total[..., None]) * share, axis=-1)
@@ -109,16 +113,17 @@ def _by_the_others(
     values: FloatArray,
     slopes: FloatArray,
     weights: FloatArray,
-    scale: float,
+    scales: FloatArray,
     depth_mm: float,
 ) -> FloatArray:
-    """Return log densities (h, m, k) of each candidate, given the plane of the other circles and its errors."""
-    information, pull = terms(circles, fits, weights / scale**2)
+    """Return log densities (p, m, k) of each candidate, given the plane of the other circles and its errors."""
+    variances = scales[:, None, None] ** 2
+    information, pull = terms(circles, fits, weights / variances)
     rest = information.sum(axis=1, keepdims=True) - information + weak_information(depth_mm)
     covariance, _ = inverse(rest)
-    steps = -np.einsum("hmpq,hmq->hmp", covariance, pull.sum(axis=1, keepdims=True) - pull)
-    residuals = values + np.einsum("hmkip,hmp->hmki", slopes, steps)
-    spread = circles.covariances * scale**2 + slopes @ covariance[:, :, None] @ np.swapaxes(slopes, -1, -2)
+    steps = -covariance @ (pull.sum(axis=1, keepdims=True) - pull)[..., None]
+    residuals = values + (slopes @ steps[:, :, None])[..., 0]
+    spread = circles.covariances * variances[..., None, None]
+    spread = spread + slopes @ covariance[:, :, None] @ np.swapaxes(slopes, -1, -2)
     precision, determinants = inverse(spread)
-    misfits = np.einsum("hmki,hmkij,hmkj->hmk", residuals, precision, residuals)
-    return -0.5 * (misfits + np.log(determinants)) - 1.5 * np.log(2.0 * np.pi)
+    return -0.5 * (misfits(residuals, precision) + np.log(determinants)) - 1.5 * np.log(2.0 * np.pi)

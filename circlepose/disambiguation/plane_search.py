@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from circlepose._typing import BoolArray, FloatArray, IntArray
-from circlepose.disambiguation.observed import Observed, inverse, moved
+from circlepose.disambiguation.observed import Observed, inverse, misfits, moved
 from circlepose.disambiguation.options import DisambiguationOptions
 from circlepose.geometry.cone import plane_basis
 
@@ -128,8 +128,7 @@ def _log_densities(circles: Observed, fits: Fits, scale: float) -> FloatArray:
         slopes, -1, -2
     )
     information, determinants = inverse(spread)
-    misfits = np.einsum("hmki,hmkij,hmkj->hmk", values, information, values)
-    return -0.5 * (misfits + np.log(determinants)) - 1.5 * np.log(2.0 * np.pi)
+    return -0.5 * (misfits(values, information) + np.log(determinants)) - 1.5 * np.log(2.0 * np.pi)
 
 
 def _spread(index: IntArray, most: int) -> IntArray:

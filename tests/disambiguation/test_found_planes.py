@@ -70,9 +70,7 @@ def test_the_order_of_circles_and_candidates_does_not_count(seed):
     circles = observed(scene(seed, (4, 4), 2).circles, DEFAULT)
     order = np.random.default_rng(seed).permutation(len(circles.centers))
     before, after = found(circles), found(circles.subset(order))
-    np.testing.assert_allclose(
-        np.exp(after.log_probabilities), np.exp(before.log_probabilities)[order], atol=1e-3
-    )
+    np.testing.assert_allclose(np.exp(after.log_probabilities), np.exp(before.log_probabilities)[order], atol=1e-3)
     same = before.planes[:, None] == before.planes
     np.testing.assert_array_equal((after.planes[:, None] == after.planes), same[np.ix_(order, order)])
     swapped = observations(circles.centers[:, ::-1], circles.normals[:, ::-1], circles.covariances[:, ::-1])

@@ -121,7 +121,11 @@ def test_a_common_plane_and_a_rough_normal_add_up():
 
     both, plane, rough = (
         measured(**hints)
-        for hints in ({"same_plane": True, "normal_hint": hint}, {"same_plane": True}, {"same_plane": False, "normal_hint": hint})
+        for hints in (
+            {"same_plane": True, "normal_hint": hint},
+            {"same_plane": True},
+            {"same_plane": False, "normal_hint": hint},
+        )
     )
     assert all(c.candidates[0].normal @ normal > 0.95 for c in both)
     for circle, with_plane, with_hint in zip(both, plane, rough, strict=True):
