@@ -10,6 +10,7 @@ wrong choices, and is a plane made up. Without the photographs the second part a
 from __future__ import annotations
 
 import sys
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -97,7 +98,7 @@ def _simulations(scenes: int) -> None:
         f"\n{scenes} scenes: {planes} planes, {found} found, {made_up} made up; {alone} circles of none put in one\n"
     )
     print("| ambiguity | circles | wrong, expected | wrong |\n|---|---|---|---|")
-    for low, high in zip(BINS, BINS[1:], strict=False):
+    for low, high in pairwise(BINS):
         among = (values >= low) & (values < high)
         print(f"| {low:g} to {high:g} | {among.sum()} | {values[among].sum():.1f} | {is_wrong[among].sum()} |")
     # The circles of a scene are right or wrong together.

@@ -50,7 +50,7 @@ class DisambiguationOptions:
     """times the standard errors while planes are searched; empirical"""
     most_plane_proposers: int = 50
     """circles whose candidates are proposed as planes, of those in none; limits the time; cost"""
-    most_planes_fitted: int = 6
+    most_planes_fitted: int = 12
     """proposed planes that are fitted, and as many of those that the best one rejects; cost"""
     most_compared: int = 100
     """circles that proposals are compared with and planes are fitted to; limits the time; empirical"""
