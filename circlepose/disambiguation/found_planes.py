@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from circlepose._typing import FloatArray, IntArray
+from circlepose.disambiguation.background import Background, background_of
 from circlepose.disambiguation.observed import Observed
 from circlepose.disambiguation.options import DEFAULT, DisambiguationOptions
 from circlepose.disambiguation.plane_evidence import Weighed, weigh
@@ -32,15 +33,13 @@ class FoundPlanes:
     """(K,) n . x of the plane's points x"""
 
 
-def find_planes(circles: Observed, depth_mm: float, *, options: DisambiguationOptions = DEFAULT) -> FoundPlanes:
+def find_planes(circles: Observed, *, options: DisambiguationOptions = DEFAULT) -> FoundPlanes:
     """Find the planes that at least three circles each share.
 
     Parameters
     ----------
     circles
-        m circles of two candidates, camera frame.
-    depth_mm
-        Range of the heights of circles that lie anywhere, in the unit of the centers.
+        m circles of two candidates, camera frame; 2 or more.
     options
         The numbers of the search.
 
@@ -49,15 +48,15 @@ def find_planes(circles: Observed, depth_mm: float, *, options: DisambiguationOp
     The probabilities of the candidates. `exp` of the smaller one is the probability that the larger one's candidate
     is wrong.
     """
-    number = len(circles.centers)
+    number, anywhere = len(circles.centers), background_of(circles)
     probabilities = np.full((number, 2), 0.5)
     planes = np.full(number, -1)
     strongest = np.zeros(number)
     base = np.zeros(number)
     accepted: list[Fits] = []
     while len(accepted) < options.most_planes and np.sum(planes < 0) >= options.least_members:
-        fits = _fitted(circles, planes, base, depth_mm, options)
-        weighed = weigh(circles, fits, base, depth_mm, options)
+        fits = _fitted(circles, planes, base, anywhere, options)
+        weighed = weigh(circles, fits, base, anywhere, options)
         gains, belongs = weighed.log_gains[0], weighed.belongs[0]
         best = int(weighed.planes[0])
         members = (gains > options.least_log_support) & (belongs > 0.5)
@@ -94,13 +93,13 @@ def _index_of(plane: Fits, accepted: list[Fits], options: DisambiguationOptions)
 
 
 def _fitted(
-    circles: Observed, planes: IntArray, base: FloatArray, depth_mm: float, options: DisambiguationOptions
+    circles: Observed, planes: IntArray, base: FloatArray, anywhere: Background, options: DisambiguationOptions
 ) -> Fits:
     """Return the planes that circles in no plane propose, fitted, each once."""
-    starts = proposed(circles, planes < 0, base, depth_mm, options)
+    starts = proposed(circles, planes < 0, base, anywhere, options)
     every = -(-len(planes) // options.most_compared)
     sample = slice(None, None, every)
-    fits = refined(circles.subset(sample), starts, depth_mm, options)
+    fits = refined(circles.subset(sample), starts, anywhere.subset(sample), options)
     kept: list[int] = []
     left = np.ones(len(fits.normals), dtype=bool)
     for i in range(len(left)):
@@ -112,7 +111,9 @@ def _fitted(
     if every == 1:
         return fits
     # What a part of the circles rules out, all of them do.
-    return fits.subset(np.unique(weigh(circles.subset(sample), fits, base[sample], depth_mm, options).planes))
+    return fits.subset(
+        np.unique(weigh(circles.subset(sample), fits, base[sample], anywhere.subset(sample), options).planes)
+    )
 
 
 def _averaged(weighed: Weighed, options: DisambiguationOptions) -> FloatArray:

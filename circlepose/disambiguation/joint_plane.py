@@ -13,6 +13,7 @@ import numpy as np
 
 from circlepose._typing import BoolArray, FloatArray
 from circlepose.camera.camera import Camera
+from circlepose.disambiguation.background import background_of
 from circlepose.disambiguation.observed import (
     Observed,
     deviation_covariance,
@@ -84,11 +85,12 @@ def on_joint_plane(
 
 def _searched(circles: Observed, options: DisambiguationOptions) -> Fits:
     """Return the plane that the circles agree best with."""
-    depth_mm = options.depth_share * float(np.median(np.linalg.norm(circles.centers, axis=-1)))
+    anywhere = background_of(circles)
     number = len(circles.centers)
-    starts = proposed(circles, np.ones(number, dtype=bool), np.zeros(number), depth_mm, options)
-    compared = circles.subset(slice(None, None, -(-number // options.most_compared)))
-    fits = refined(compared, starts, depth_mm, options)
+    starts = proposed(circles, np.ones(number, dtype=bool), np.zeros(number), anywhere, options)
+    sample = slice(None, None, -(-number // options.most_compared))
+    compared = circles.subset(sample)
+    fits = refined(compared, starts, anywhere.subset(sample), options)
     worst = options.outlier_chi_square * options.search_scale**2
     best = int(np.argmin(np.sum(np.minimum(_misfits(compared, fits), worst), axis=-1)))
     return fits.subset(slice(best, best + 1))

@@ -40,8 +40,6 @@ class DisambiguationOptions:
     """logarithm of the odds of a member, given the plane of the others: 1 in 20; statistical"""
     log_evidence_window: float = 12.0
     """logarithm; planes less likely than the likeliest by more do not count: 6 in a million; numerical"""
-    depth_share: float = 1.0
-    """range of the heights of circles that lie anywhere, as a share of their median distance; empirical"""
     error_scales: tuple[float, ...] = (1.0, 2.0, 4.0)
     """times the standard errors of all circles of a plane: what errors of the model add to the noise; empirical"""
     scale_shares: tuple[float, ...] = (0.6, 0.3, 0.1)

@@ -12,9 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from circlepose._typing import FloatArray, IntArray
+from circlepose.disambiguation.background import Background
 from circlepose.disambiguation.observed import Observed, inverse, misfits
 from circlepose.disambiguation.options import DisambiguationOptions
-from circlepose.disambiguation.plane_search import Fits, background, terms, weak_information
+from circlepose.disambiguation.plane_search import Fits, terms, weak_information
 
 _LARGEST = 700.0
 """logarithm that does not overflow; numerical"""
@@ -39,7 +40,7 @@ class Weighed:
 
 
 def weigh(
-    circles: Observed, fits: Fits, base: FloatArray, depth_mm: float, options: DisambiguationOptions
+    circles: Observed, fits: Fits, base: FloatArray, anywhere: Background, options: DisambiguationOptions
 ) -> Weighed:
     """Weigh planes against chance, and circles by the plane of the others.
 
@@ -51,8 +52,8 @@ def weigh(
         h planes, fitted to them.
     base
         (m,) log density of each circle by other planes, relative to the background: 0 where there are none.
-    depth_mm
-        Range of heights of circles that lie anywhere.
+    anywhere
+        Where circles lie that share no plane.
     options
         Scales of the errors with their probabilities.
 
@@ -61,15 +62,16 @@ def weigh(
     The explanations that are not out of the question beside the likeliest one.
     """
     scales = np.array(options.error_scales)
-    count, anywhere = np.log(circles.centers.shape[1]), np.log(background(depth_mm))
+    count, elsewhere = np.log(circles.centers.shape[1]), anywhere.log_densities
     values, slopes = circles.deviations(fits.normals, fits.points)
     squares = misfits(values, circles.information)[:, None] / scales[:, None, None] ** 2
     densities = circles.log_peaks - 3.0 * np.log(scales)[:, None, None] - 0.5 * squares - count
-    gains = np.logaddexp.reduce(densities, axis=-1) - anywhere
+    gains = np.logaddexp.reduce(densities, axis=-1) - elsewhere
     log_likelihood, share_in = _integrated(gains, base, options)
     # Laplace: the volume that the data leave to the plane's own parameters, over that before.
     volume = 0.5 * np.linalg.slogdet(fits.covariances)[1][:, None] + 3.0 * np.log(scales)
-    log_evidence = log_likelihood + volume + 1.5 * np.log(2.0 * np.pi) + anywhere + np.log(options.scale_shares)
+    before = anywhere.of_planes(fits.normals, fits.points)[:, None] + 1.5 * np.log(2.0 * np.pi)
+    log_evidence = log_likelihood + volume + before + np.log(options.scale_shares)
 
     order = np.argsort(-log_evidence, axis=None)
     order = order[log_evidence.ravel()[order] >= log_evidence.max() - options.log_evidence_window]
@@ -80,12 +82,12 @@ def weigh(
     share = share_in[plane, scale]
     inside, outside = np.log(share)[:, None], np.log1p(-share)[:, None] + base
     total = np.logaddexp(outside, inside + gains[plane, scale])
-    weights = np.exp(inside[..., None] + densities[plane, scale] - anywhere - total[..., None])
+    weights = np.exp(inside[..., None] + densities[plane, scale] - elsewhere[:, None] - total[..., None])
     others = _by_the_others(
-        circles, fits.subset(plane), values[plane], slopes[plane], weights, scales[scale], depth_mm
+        circles, fits.subset(plane), values[plane], slopes[plane], weights, scales[scale], anywhere.depth_mm
     )
     others = others - count
-    log_gains = np.logaddexp.reduce(others, axis=-1) - anywhere
+    log_gains = np.logaddexp.reduce(others, axis=-1) - elsewhere
     return Weighed(
         plane,
         log_evidence[plane, scale],

@@ -1,7 +1,7 @@
 """Planes that some of the circles of an image may share: proposed by single candidates, fitted to all. Pure NumPy.
 
 Circles off the plane do not count: each circle is, with even odds before, either in the plane with one of its
-candidates or anywhere (`background`).
+candidates or anywhere (`Background`).
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from circlepose._typing import BoolArray, FloatArray, IntArray
+from circlepose.disambiguation.background import Background
 from circlepose.disambiguation.observed import Observed, inverse, misfits, moved
 from circlepose.disambiguation.options import DisambiguationOptions
 from circlepose.geometry.cone import plane_basis
@@ -32,16 +33,8 @@ class Fits:
         return Fits(self.normals[index], self.points[index], self.covariances[index])
 
 
-def background(depth_mm: float) -> float:
-    """Return the density, rad^-2 mm^-1, of a circle that lies anywhere: normals of a half sphere, a range of heights.
-
-    `depth_mm` is the length of that range.
-    """
-    return 1.0 / (2.0 * np.pi * depth_mm)
-
-
 def proposed(
-    circles: Observed, free: BoolArray, base: FloatArray, depth_mm: float, options: DisambiguationOptions
+    circles: Observed, free: BoolArray, base: FloatArray, anywhere: Background, options: DisambiguationOptions
 ) -> Fits:
     """Return the candidate planes that most circles agree with, and those of their rejected candidates.
 
@@ -53,8 +46,8 @@ def proposed(
         (m,) those that may propose a plane.
     base
         (m,) log density of each circle by what is known before, relative to the background.
-    depth_mm
-        Range of heights of circles that lie anywhere.
+    anywhere
+        Where circles lie that share no plane.
     options
         The numbers of the search.
 
@@ -65,33 +58,33 @@ def proposed(
     """
     proposers = _spread(np.flatnonzero(free), options.most_plane_proposers)
     sample = circles.subset(_spread(np.arange(len(circles.centers)), options.most_compared))
-    base = base[_spread(np.arange(len(base)), options.most_compared)]
+    compared = _spread(np.arange(len(base)), options.most_compared)
+    base, elsewhere = base[compared], anywhere.log_densities[compared, None]
     k = circles.centers.shape[1]
     own = circles.subset(proposers)
     starts = Fits(own.normals.reshape(-1, 3), own.centers.reshape(-1, 3), own.covariances.reshape(-1, 3, 3))
     scale = options.search_scale
-    density = _log_densities(sample, starts, scale) - np.log(background(depth_mm))
+    density = _log_densities(sample, starts, scale) - elsewhere
     score = np.sum(np.logaddexp(base, np.logaddexp.reduce(density, axis=-1) - np.log(k)) - base, axis=-1)
     order = np.argsort(-score, kind="stable")
     best = order[: options.most_planes_fitted]
     # The candidates that the best plane rejects, of the circles that are in it.
     against = _log_densities(own, starts.subset(order[:1]), scale)[0]
-    is_in = np.max(against, axis=-1, keepdims=True) > np.log(background(depth_mm))
+    is_in = np.max(against, axis=-1, keepdims=True) > anywhere.log_densities[proposers, None]
     rejected = ((against < np.max(against, axis=-1, keepdims=True)) & is_in).reshape(-1)
     mirrored = order[rejected[order]][: options.most_planes_fitted]
     return starts.subset(np.unique(np.concatenate([best, mirrored])))
 
 
-def refined(circles: Observed, starts: Fits, depth_mm: float, options: DisambiguationOptions) -> Fits:
+def refined(circles: Observed, starts: Fits, anywhere: Background, options: DisambiguationOptions) -> Fits:
     """Return planes fitted to the circles in them: expectation maximization, with the planes' own errors."""
     fits = starts
-    anywhere = np.log(background(depth_mm))
     for _ in range(options.fit_rounds):
         density = _log_densities(circles, fits, options.search_scale) - np.log(circles.centers.shape[1])
-        total = np.logaddexp(anywhere, np.logaddexp.reduce(density, axis=-1))
+        total = np.logaddexp(anywhere.log_densities, np.logaddexp.reduce(density, axis=-1))
         weights = np.exp(density - total[..., None])
         information, pull = terms(circles, fits, weights)
-        covariances = np.linalg.inv(information.sum(axis=1) + weak_information(depth_mm))
+        covariances = np.linalg.inv(information.sum(axis=1) + weak_information(anywhere.depth_mm))
         steps = -np.einsum("hpq,hq->hp", covariances, pull.sum(axis=1))
         normals, points = moved(fits.normals, fits.points, steps)
         fits = Fits(normals, points, covariances)

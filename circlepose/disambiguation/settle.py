@@ -142,10 +142,8 @@ def _by_planes(
     if target.same_plane == "no" or number < 2:
         return none.log_probabilities, none
     candidates = observed(circles, options)
-    distances = np.linalg.norm(candidates.centers, axis=-1)
     if number >= options.least_members:
-        depth_mm = options.depth_share * float(np.median(distances))
-        found = find_planes(candidates, depth_mm, options=options)
+        found = find_planes(candidates, options=options)
         if target.same_plane == "auto":
             return found.log_probabilities, found
         if len(found.normals):

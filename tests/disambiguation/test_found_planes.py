@@ -30,8 +30,7 @@ def scene(seed, in_planes, strays=0, **setup):
 
 
 def found(candidates):
-    distances = np.linalg.norm(candidates.centers, axis=-1)
-    return find_planes(candidates, float(np.median(distances)))
+    return find_planes(candidates)
 
 
 def turned(circles, rotation):
