@@ -78,11 +78,14 @@ def test_the_order_of_circles_and_candidates_does_not_count(seed):
     )
 
 
-def test_no_plane_is_made_up_of_circles_with_poses_of_their_own():
+@pytest.mark.parametrize("most_tilt_deg", [75.0, 15.0])
+def test_no_plane_is_made_up_of_circles_with_poses_of_their_own(most_tilt_deg):
+    """Also where all nearly face the camera, and so have nearly the same normal."""
     for seed in range(200):
         number = 3 + seed % 18
         noise_px = (0.02, 0.1, 0.5)[seed % 3]
-        circles = settled(scene(seed, (), number, noise_px=noise_px).circles, TARGET, CAMERA)
+        made = scene(seed, (), number, noise_px=noise_px, most_tilt_deg=most_tilt_deg)
+        circles = settled(made.circles, TARGET, CAMERA)
         assert circles.planes == ()
         for circle in circles.circles:
             assert circle.ambiguity == 0.5
