@@ -1,4 +1,4 @@
-"""Photographed boards, `coplanar: true`: how often the right candidate of each disc is chosen, and how surely.
+"""Photographed boards, `same_plane: yes`: how often the right candidate of each disc is chosen, and how surely.
 
     CIRCLEPOSE_DATA=... python -m benchmarks.common_plane [SET ...]
 

@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from circlepose.results import CovarianceTerms as CovarianceTerms
     from circlepose.results import Flag as Flag
     from circlepose.results import ImageResult as ImageResult
+    from circlepose.results import Plane as Plane
     from circlepose.results import SettledBy as SettledBy
     from circlepose.results import Status as Status
     from circlepose.targets.hints import DirectionHint as DirectionHint
@@ -71,6 +72,7 @@ _HOME = {
     "ImageError": "errors",
     "ImageResult": "results",
     "Inspection": "diagnostics.inspection",
+    "Plane": "results",
     "SettledBy": "results",
     "Status": "results",
     "Target": "targets.target",

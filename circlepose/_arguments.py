@@ -47,6 +47,17 @@ def one_of(names: Collection[str], name: str, value: object, error: type[Circlep
     raise error(f"{name}: expected one of {', '.join(names)}, got {shown(value)}.")
 
 
+def one_of_or_truth(
+    names: Collection[str], name: str, value: object, error: type[CircleposeError] = ArgumentError
+) -> str:
+    """Return `value` if it is one of the `names`; True is `yes`, False is `no`."""
+    if _is_truth(value):
+        return "yes" if value else "no"
+    if isinstance(value, str) and value in names:
+        return value
+    raise error(f"{name}: expected one of {', '.join(names)}, or True or False, got {shown(value)}.")
+
+
 def truth(name: str, value: object, error: type[CircleposeError] = ArgumentError) -> bool:
     """Return `value`, True or False; NumPy's own are taken."""
     if _is_truth(value):

@@ -77,6 +77,7 @@ class Flag(StrEnum):
     EDGES_ONLY = "edges_only"
     DOUBTFUL = "doubtful"
     NESTED_RIMS = "nested_rims"
+    OFF_PLANE = "off_plane"
     ROLL_AMBIGUOUS = "roll_ambiguous"
     RADIUS_MISFIT = "radius_misfit"
     NOT_IN_POSE = "not_in_pose"
@@ -96,6 +97,7 @@ FLAG_MEANING: Mapping[Flag, str] = {
     Flag.EDGES_ONLY: "measured from edges alone: no gray levels could be fitted; only a rough rim has a covariance",
     Flag.DOUBTFUL: "may be round by chance: its score is below the least by default; --min-score asked for it",
     Flag.NESTED_RIMS: "the circle's other concentric rims could be the target's, too; see nested_rims in JSON",
+    Flag.OFF_PLANE: "all circles were declared to lie in one plane, but this one does not; it keeps its own pose",
     Flag.ROLL_AMBIGUOUS: "the layout maps on itself by a turn; of these poses the one whose x is nearest the image's",
     Flag.RADIUS_MISFIT: "the circles are larger or smaller than stated beside their distances, which were believed",
     Flag.NOT_IN_POSE: "the board's pose does not rest on this circle: it was not seen, or misfits",

@@ -17,7 +17,7 @@ from circlepose.detection.axis_intervals import axis_intervals
 from circlepose.detection.contour import Contour, Rejection
 from circlepose.detection.reasons import why_none
 from circlepose.disambiguation.options import DisambiguationOptions
-from circlepose.disambiguation.settle import settled_by_hints
+from circlepose.disambiguation.settle import settled
 from circlepose.imaging.color_mixes import ColorMix, ColorMixOptions, color_mixes
 from circlepose.imaging.gray import to_channels
 from circlepose.measurement.color_views import fit_rims_in, measure_circles, pixels_in
@@ -27,7 +27,7 @@ from circlepose.measurement.options import MeasurementOptions
 from circlepose.measurement.poses import results_of_rims, with_doubt
 from circlepose.measurement.rim import Rim
 from circlepose.measurement.selection import measure_rings
-from circlepose.results import CircleResult, Failure, Flag, ImageResult, Status
+from circlepose.results import CircleResult, Failure, Flag, ImageResult, Plane, Status
 from circlepose.rings.guided_search import with_hidden_rims
 from circlepose.rings.matching import match_rings
 from circlepose.rings.options import RingOptions
@@ -215,6 +215,7 @@ def estimate_with_trace(
     views = (None, *color_mixes(channels, options.color_mixes))
     incomplete = ""
     boards: MeasuredBoards | None = None
+    planes: tuple[Plane, ...] = ()
     own = replace(options, measurement=numbers)
     if target.kind in ("circle", "board"):
         measured = _lone_circles(
@@ -229,7 +230,8 @@ def estimate_with_trace(
             keep_fits=keep_fits,
             options=own,
         )
-        circles, boards, trace, rejected, remark = measured
+        circles, boards, planes = measured.circles, measured.boards, measured.planes
+        trace, rejected, remark = measured.trace, measured.rejected, measured.remark
     else:
         found, trace, remark = _ring_targets(
             channels,
@@ -250,13 +252,26 @@ def estimate_with_trace(
     if min_score is not None:
         usual = options.measurement.detection
         circles = with_doubt(circles, usual.least_score * (1.0 if target.kind == "circle" else usual.ring_leniency))
-    result = _image_result(name, size, target, circles, rejected, incomplete, intervals)
+    result = replace(_image_result(name, size, target, circles, rejected, incomplete, intervals), planes=planes)
     if boards is not None and circles:
         result = replace(result, status=boards.status, reason=boards.reason, boards=boards.boards)
     if remark:
         reason = "; ".join(each for each in (result.reason, remark) if each)
         result = replace(result, remark=remark, reason=reason if result.status is not Status.OK else "")
     return result, trace
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _LoneCircles:
+    """The lone circles of an image, or the boards that they make up."""
+
+    circles: list[CircleResult]
+    boards: MeasuredBoards | None
+    planes: tuple[Plane, ...]
+    trace: Trace
+    rejected: Counter[Rejection]
+    remark: str
+    """what is special of the pixels"""
 
 
 def _lone_circles(
@@ -271,8 +286,7 @@ def _lone_circles(
     refine: bool,
     keep_fits: bool,
     options: EstimateOptions,
-) -> tuple[list[CircleResult], MeasuredBoards | None, Trace, Counter[Rejection], str]:
-    """Return the lone circles of an image, or the boards that they make up, and what is special of the pixels."""
+) -> _LoneCircles:
     numbers, layout = options.measurement, target.layout
     lone = target if layout is None else _circles_of(target, layout)
     measured = measure_circles(
@@ -301,13 +315,14 @@ def _lone_circles(
     instances = range(len(trace.rims))
     circles = results_of_rims(trace.rims, camera, methods, lone.radii_mm[0], instances, "disc", options=numbers)
     circles = with_nested_rims(circles, measured.nested, numbers.detection)
-    boards = None
+    boards, planes = None, tuple[Plane, ...]()
     if layout is None:
-        circles = settled_by_hints(circles, target, options=options.disambiguation)
+        planar = settled(circles, target, camera, options=options.disambiguation)
+        circles, planes = planar.circles, planar.planes
     else:
         boards = measure_boards(trace.rims, circles, camera, target, measured.gray, options=options.boards)
         circles = list(boards.circles)
-    return circles, boards, trace, measured.rejected, measured.remark
+    return _LoneCircles(circles, boards, planes, trace, measured.rejected, measured.remark)
 
 
 def _circles_of(target: Target, layout: BoardLayout) -> Target:

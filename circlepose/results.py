@@ -27,6 +27,7 @@ __all__ = [
     "Flag",
     "ImageResult",
     "NestedRim",
+    "Plane",
     "SettledBy",
     "Status",
 ]
@@ -172,6 +173,8 @@ class CircleResult:
     """probability that the chosen candidate is the wrong one"""
     settled_by: SettledBy = SettledBy.NONE
     """what settled the choice of the candidate"""
+    plane: int | None = None
+    """index in `ImageResult.planes` of the plane that the chosen candidate lies in with other circles; else None"""
     vanishing_normal: FloatArray | None = None
     """(3,) coplanar targets: unit normal from the vanishing line of two circles, independent of the joint fit"""
     vanishing_sigma_deg: float | None = None
@@ -217,6 +220,20 @@ class CircleResult:
         return f"{head}, {pose._numbers()}, ambiguity {self.ambiguity:.2g}{remarks})"
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Plane:
+    """A plane that several lone circles of an image share, found or declared, in the camera frame."""
+
+    method: str
+    """method of the poses"""
+    normal: FloatArray
+    """(3,) unit vector n towards the camera"""
+    offset_mm: float
+    """n . x of the plane's points x; its distance from the camera is the negative"""
+    circles: int
+    """how many circles lie in it"""
+
+
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class ImageResult:
     """All that was measured in one image, or why nothing was."""
@@ -235,6 +252,8 @@ class ImageResult:
     """of a board target: one pose from many circles each"""
     remark: str = ""
     """what else is to be said of the image: that its file has more pages, that it is a raw mosaic or interlaced"""
+    planes: tuple[Plane, ...] = ()
+    """the planes that lone circles share; see `CircleResult.plane`"""
 
     def __repr__(self) -> str:
         size = "" if self.image_size is None else f", {self.image_size[0]} x {self.image_size[1]} px"

@@ -130,7 +130,7 @@ def from_contour(**changed: object) -> object:
         (target, "polarity", [None, "black", 1], TargetError),
         (target, "axis_intervals", [(5.0, 9.0), "x"], TargetError),
         (target, "depth_range_mm", [(1.0,), 5.0, (9.0, 5.0), (0.0, 1e308), (np.nan, 5.0), "ab"], TargetError),
-        (target, "same_plane", [None, "yes", 1], TargetError),
+        (target, "same_plane", [None, "maybe", 1], TargetError),
         (target, "normal_hint", [(0.0, 0.0, -1.0), "up"], TargetError),
         (target, "up_hint", [(0, 1, 0), DirectionHint("xyz", 5.0), DirectionHint((0, 1, 0), "x")], TargetError),
         (target, "facing", [5, "sideways", (1.0,), (0.0, 0.0, 0.0), (1e200, 1e200, 0.0)], TargetError),
@@ -238,6 +238,7 @@ def test_every_public_call_is_fuzzed() -> None:
     # The rest are values that the library makes: they only hold what they are given.
     assert unfuzzed() == {
         "Candidate", "CircleResult", "Cone", "CovarianceTerms", "Explanation", "ImageResult", "Inspection",
+        "Plane",
     }  # fmt: skip
     assert all(inspect.isclass(getattr(circlepose, name)) for name in unfuzzed())
 

@@ -266,14 +266,28 @@ def test_circles_in_one_plane_settle_each_others_ambiguity():
     centers = [np.array([0.0, 0.0, 600.0]) + x * first + y * second for x, y in ((-70, -50), (75, -45), (0, 80))]
     picture = scene(*(disc(center, normal, 30.0) for center in centers))
     target = Target.circle(30.0, count=3)
-    alone = circlepose.estimate(render(picture), CAMERA, target)
-    assert all(c.ambiguity == 0.5 for c in alone.circles)
-    together = circlepose.estimate(render(picture), CAMERA, replace(target, same_plane=True))
-    assert len(together.circles) == 3
-    for circle in together.circles:
-        assert circle.candidates[circle.chosen].normal @ normal > 0.999
-        assert circle.ambiguity < 0.05
-        assert Flag.AMBIGUOUS not in circle.flags
+    image = render(picture)
+    alone = circlepose.estimate(image, CAMERA, replace(target, same_plane="no"))
+    assert all(c.ambiguity == 0.5 and Flag.AMBIGUOUS in c.flags and c.plane is None for c in alone.circles)
+    assert alone.planes == ()
+    for mode in ("auto", "yes"):
+        together = circlepose.estimate(image, CAMERA, replace(target, same_plane=mode))
+        (plane,) = together.planes
+        assert plane.circles == len(together.circles) == 3
+        assert plane.normal @ normal > 0.999999
+        assert plane.offset_mm == pytest.approx(600.0 * normal[2], abs=0.5)
+        for circle in together.circles:
+            pose = circle.pose
+            assert pose is not None
+            assert pose.normal @ normal > 0.999
+            assert circle.ambiguity < 0.05
+            assert circle.plane == 0
+            assert Flag.AMBIGUOUS not in circle.flags
+            if mode == "yes":
+                np.testing.assert_array_equal(pose.normal, plane.normal)
+                assert pose.center @ pose.normal == pytest.approx(plane.offset_mm, abs=1e-9)
+                assert circle.ellipse is not None
+                np.testing.assert_allclose(pose.imaged_center, CAMERA.project(pose.center[None])[0])
 
 
 def test_misuse_raises():

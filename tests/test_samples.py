@@ -47,8 +47,6 @@ VIEWS = (
     View("coplanar/c.png", WELL, WELL),
     View("coplanar/d.png", WELL, WELL),
 )
-LONE = ("clutter",)
-"""sets of lone circles without a hint to the right candidate: the better one is compared with the truth"""
 each_view = pytest.mark.parametrize("view", VIEWS, ids=lambda view: view.name)
 
 
@@ -91,7 +89,6 @@ def test_poses_are_those_stored(measured, project_root, view):
 @each_view
 def test_poses_are_near_the_truth(measured, project_root, view):
     truth = of_view(read(project_root, view, "truth.csv"), view)
-    lone = view.name.split("/")[0] in LONE
-    comparison = compare(of_view(measured, view), truth, view.true, "best" if lone else "chosen")
+    comparison = compare(of_view(measured, view), truth, view.true, "chosen")
     assert comparison.differences == ()
     assert comparison.compared == len(truth.circles) > 0

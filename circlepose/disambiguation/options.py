@@ -31,6 +31,46 @@ class DisambiguationOptions:
     rounds: int = 14
     """rounds of fitting the plane; in the last ones circles off the plane have no weight; empirical"""
 
+    # Planes that are found, not declared.
+    least_members: int = 3
+    """circles that a plane needs; through any two with parallel normals there may be one; exact"""
+    least_log_evidence: float = 7.0
+    """logarithm of a plane's odds against chance, at least: 1 in 1000 is made up; statistical"""
+    least_log_support: float = 3.0
+    """logarithm of the odds of a member, given the plane of the others: 1 in 20; statistical"""
+    log_evidence_window: float = 12.0
+    """logarithm; planes less likely than the likeliest by more do not count: 6 in a million; numerical"""
+    error_scales: tuple[float, ...] = (1.0, 2.0, 4.0)
+    """times the standard errors of all circles of a plane: what errors of the model add to the noise; empirical"""
+    scale_shares: tuple[float, ...] = (0.6, 0.3, 0.1)
+    """probability of each of `error_scales`, by photographs; empirical"""
+    search_scale: float = 2.0
+    """times the standard errors while planes are searched; empirical"""
+    most_plane_proposers: int = 50
+    """circles whose candidates are proposed as planes, of those in none; limits the time; cost"""
+    most_planes_fitted: int = 12
+    """proposed planes that are fitted, and as many of those that the best one rejects; cost"""
+    most_compared: int = 100
+    """circles that proposals are compared with and planes are fitted to; limits the time; empirical"""
+    fit_rounds: int = 5
+    """rounds of fitting a proposed plane; numerical"""
+    same_fit_chi_square: float = 4.0
+    """chi-square, 3 degrees of freedom, below which two fits have found the same plane; numerical"""
+    same_plane_chi_square: float = 16.0
+    """chi-square, 3 degrees of freedom, below which two planes are one: 1 in 1000 is above; statistical"""
+    shared_members: float = 0.5
+    """share of the members of the smaller of two planes from which they explain the same circles; empirical"""
+    member_nodes: int = 12
+    """values of the share of circles in a plane, over which the evidence is integrated; numerical"""
+    most_planes: int = 8
+    """planes in an image; limits the time; cost"""
+
+    # One plane for circles that are declared to share it.
+    median_chi_square: float = 2.366
+    """median of a chi-square of 3 degrees of freedom; exact"""
+    flatness_shares: tuple[float, ...] = (0.0, 1e-3, 1e-2, 0.1, 1.0)
+    """shares of the variances of `flatness_deg` and `flatness_mm`, of which the likeliest is taken; numerical"""
+
     # Whether a hint decides.
     least_log_likelihood: float = -12.5
     """logarithm; that of 5 standard deviations, below which a hint does not hold for a circle; statistical"""

@@ -20,7 +20,7 @@ from circlepose.io.text.escaping import printable
 from circlepose.io.text.source import Source, read_source
 from circlepose.io.text.validation import Strict, parse
 from circlepose.io.text.yaml import parse_yaml
-from circlepose.targets import KINDS, POLARITIES, SIDES, Direction, Kind, Polarity, Side
+from circlepose.targets import KINDS, POLARITIES, SAME_PLANE, SIDES, Direction, Kind, Polarity, SamePlane, Side
 from circlepose.targets.board import BoardLayout
 from circlepose.targets.hints import NORMAL_SPREAD_DEG, UP_SPREAD_DEG, DirectionHint
 from circlepose.targets.target import AxisIntervals, Target
@@ -61,7 +61,7 @@ class _TargetForm(Strict):
     polarity: Polarity = Field("any", description=f"one of {', '.join(POLARITIES)}")
     axis_intervals_px: _AxisIntervals | None = Field(None, description="a mapping with the keys major and minor")
     depth_range_mm: _Pair | None = Field(None, description="[nearest, farthest] distance in mm")
-    same_plane: bool | None = Field(None, description="true or false")
+    same_plane: bool | SamePlane | None = Field(None, description=f"one of {', '.join(SAME_PLANE)}")
     coplanar: bool | None = Field(None, description="true or false; the former name of same_plane")
     normal_hint: _DirectionHint | None = Field(None, description=f"a mapping with direction: {_DIRECTION}")
     up_hint: _DirectionHint | None = Field(None, description=f"a mapping with direction: {_DIRECTION}")
@@ -129,7 +129,7 @@ def target_from_mapping(mapping: Mapping[str, object], where: str, folder: Path 
             polarity=form.polarity,
             axis_intervals=None if axes is None else AxisIntervals(_pair(axes.major), _pair(axes.minor)),
             depth_range_mm=_pair(form.depth_range_mm),
-            same_plane=bool(form.coplanar if form.same_plane is None else form.same_plane),
+            same_plane=_same_plane(form),
             normal_hint=_hint(form.normal_hint, NORMAL_SPREAD_DEG),
             up_hint=_hint(form.up_hint, UP_SPREAD_DEG),
             facing=_triple(form.facing) if isinstance(form.facing, list) else form.facing,
@@ -162,8 +162,8 @@ def target_to_mapping(target: Target) -> dict[str, object]:
         mapping["axis_intervals_px"] = {name: list(pair) for name, pair in axes.items() if pair is not None}
     if target.depth_range_mm is not None:
         mapping["depth_range_mm"] = list(target.depth_range_mm)
-    if target.same_plane:
-        mapping["same_plane"] = True
+    if target.same_plane != "auto":
+        mapping["same_plane"] = target.same_plane
     for key, hint in (("normal_hint", target.normal_hint), ("up_hint", target.up_hint)):
         if hint is not None:
             mapping[key] = {"direction": list(hint.direction), "spread_deg": hint.spread_deg}
@@ -265,6 +265,12 @@ def _layout(form: _TargetForm, folder: Path, where: str) -> BoardLayout:
         folder=folder,
         where=where,
     )
+
+
+def _same_plane(form: _TargetForm) -> SamePlane | bool:
+    # YAML reads yes and no as true and false.
+    given = form.coplanar if form.same_plane is None else form.same_plane
+    return "auto" if given is None else given
 
 
 def _generatrix(form: _TargetForm, radii: tuple[float, ...]) -> float | None:

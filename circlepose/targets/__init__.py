@@ -6,6 +6,8 @@ Kind = Literal["circle", "coplanar", "coaxial", "board"]
 Polarity = Literal["any", "dark", "bright"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
 POLARITIES: tuple[Polarity, ...] = get_args(Polarity)
+SamePlane = Literal["auto", "yes", "no"]
+SAME_PLANE: tuple[SamePlane, ...] = get_args(SamePlane)
 
 Direction: TypeAlias = tuple[float, float, float]
 Side = Literal["left", "right", "up", "down"]

@@ -9,7 +9,7 @@ from typing import Literal, TypeAlias
 
 from circlepose import _arguments
 from circlepose.errors import TargetError
-from circlepose.targets import KINDS, POLARITIES, Direction, Kind, Polarity, Side, lengths
+from circlepose.targets import KINDS, POLARITIES, SAME_PLANE, Direction, Kind, Polarity, SamePlane, Side, lengths
 from circlepose.targets.board import BoardLayout
 from circlepose.targets.hints import DirectionHint, check_hints
 
@@ -66,8 +66,9 @@ class Target:
     depth_range_mm
         Nearest and farthest depth of the center: its z in the camera frame.
     same_plane
-        Kind circle only: all circles found in an image lie in one plane, which settles their candidates. Formerly
-        `coplanar`.
+        Kind circle only: whether the circles of an image lie in one plane, which settles their candidates. `auto`:
+        planes that three or more circles share are found; `yes` (or True): all lie in one plane, and get its normal;
+        `no` (or False): none is looked for. Formerly `coplanar`.
     normal_hint
         Kind circle only: where the surface's normal points, roughly, in the camera frame.
     up_hint
@@ -91,7 +92,7 @@ class Target:
     polarity: Polarity = "any"
     axis_intervals: AxisIntervals | None = None
     depth_range_mm: tuple[float, float] | None = None
-    same_plane: bool = False
+    same_plane: SamePlane | bool = "auto"
     normal_hint: DirectionHint | None = None
     up_hint: DirectionHint | None = None
     facing: Side | Direction | None = None
@@ -118,8 +119,9 @@ class Target:
             expected = "a whole number of at least 1 or 'all'"
             if _arguments.whole("count", count, expected, TargetError) < 1:
                 raise TargetError(f"count: expected {expected}, got {count}.")
-        same_plane = _arguments.truth("same_plane", self.same_plane, TargetError)
-        if same_plane and (self.kind != "circle" or self.count == 1):
+        same_plane = _arguments.one_of_or_truth(SAME_PLANE, "same_plane", self.same_plane, TargetError)
+        object.__setattr__(self, "same_plane", same_plane)
+        if same_plane == "yes" and (self.kind != "circle" or self.count == 1):
             raise TargetError(
                 "same_plane: says that several circles lie in one plane, so it needs kind: circle and a count of 2 "
                 "or more, or all; rings of one target are kind: coplanar."
@@ -147,7 +149,7 @@ class Target:
         polarity: Polarity = "any",
         axis_intervals: AxisIntervals | None = None,
         depth_range_mm: tuple[float, float] | None = None,
-        same_plane: bool = False,
+        same_plane: SamePlane | bool = "auto",
         normal_hint: DirectionHint | None = None,
         up_hint: DirectionHint | None = None,
         facing: Side | Direction | None = None,
@@ -263,7 +265,7 @@ class Target:
     def coplanar(self) -> bool:
         """Former name of `same_plane`."""
         _arguments.warn_renamed("Target.coplanar", "Target.same_plane")
-        return self.same_plane
+        return self.same_plane == "yes"
 
     @property
     def circle_names(self) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import circlepose
-from circlepose.disambiguation.settle import settled_by_hints
+from circlepose.disambiguation.settle import settled as settled_circles
 from circlepose.geometry.cone import plane_basis
 from circlepose.results import Flag
 from circlepose.synthesis.render import render
@@ -28,7 +28,7 @@ def lone(covariance=None):
 
 
 def settled(circle=None, **hints):
-    return settled_by_hints([lone() if circle is None else circle], replace(DISC, **hints))[0]
+    return settled_circles([lone() if circle is None else circle], replace(DISC, **hints), CAMERA).circles[0]
 
 
 @pytest.mark.parametrize(
@@ -98,7 +98,7 @@ def test_a_circle_with_one_candidate_stays_as_it_is():
 
 def test_each_method_is_settled():
     circles = [lone(), replace(lone(), method="kanatani-liu")]
-    for circle in settled_by_hints(circles, replace(DISC, facing="right")):
+    for circle in settled_circles(circles, replace(DISC, facing="right"), CAMERA).circles:
         assert circle.candidates[0].normal @ NORMAL > 0.999999
 
 
@@ -121,7 +121,11 @@ def test_a_common_plane_and_a_rough_normal_add_up():
 
     both, plane, rough = (
         measured(**hints)
-        for hints in ({"same_plane": True, "normal_hint": hint}, {"same_plane": True}, {"normal_hint": hint})
+        for hints in (
+            {"same_plane": True, "normal_hint": hint},
+            {"same_plane": True},
+            {"same_plane": False, "normal_hint": hint},
+        )
     )
     assert all(c.candidates[0].normal @ normal > 0.95 for c in both)
     for circle, with_plane, with_hint in zip(both, plane, rough, strict=True):

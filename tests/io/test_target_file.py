@@ -32,11 +32,13 @@ def targets(draw: st.DrawFn) -> Target:
     lone = kind == "circle"
     hint = st.builds(DirectionHint, st.just((0.3, -0.5, -2.0)), st.floats(60.0, 180.0)) if lone else st.none()
     side = st.sampled_from(["left", "right", "up", "down", (1.0, -0.5, 0.0)]) if lone else st.none()
+    plane = draw(st.sampled_from(["auto", "no", "yes"] if lone else ["auto", "no"]))
     return Target(
         kind=kind,  # type: ignore[arg-type]
         radii_mm=radii,
         generatrix_mm=generatrix,
-        count=draw(st.none() | st.integers(1, 99)),
+        count=draw(st.none() | st.integers(2, 99)) if plane == "yes" else draw(st.none() | st.integers(1, 99)),
+        same_plane=plane,  # type: ignore[arg-type]
         polarity=draw(st.sampled_from(["any", "dark", "bright"])),
         axis_intervals=draw(axes),
         depth_range_mm=draw(st.none() | intervals()),
@@ -230,3 +232,27 @@ def test_what_is_beside_the_images_and_is_no_file(tmp_path: Path) -> None:
     os.mkfifo(path)
     with pytest.raises(UsageError, match=r"camera\.yaml: is a pipe or a device"):
         find_beside(tmp_path, "camera")
+
+
+@pytest.mark.parametrize(
+    ("text", "meaning"),
+    [
+        ("", "auto"),
+        ("same_plane: auto", "auto"),
+        ("same_plane: yes", "yes"),
+        ("same_plane: 'yes'", "yes"),
+        ("same_plane: true", "yes"),
+        ("same_plane: no", "no"),
+        ("same_plane: 'no'", "no"),
+        ("same_plane: false", "no"),
+        ("coplanar: true", "yes"),
+        ("coplanar: false", "no"),
+    ],
+)
+def test_what_is_said_of_a_common_plane(text, meaning):
+    assert read_target(f"radius_mm: 5\ncount: all\n{text}\n".encode()).same_plane == meaning
+
+
+def test_what_may_be_said_of_a_common_plane_is_named():
+    with pytest.raises(TargetError, match="same_plane: expected one of auto, yes, no"):
+        read_target(b"radius_mm: 5\ncount: all\nsame_plane: perhaps\n")

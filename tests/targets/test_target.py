@@ -32,6 +32,7 @@ def test_names_of_the_circles():
         (lambda: Target.circle(5.0, count=0), "at least 1"),
         (lambda: Target.circle(5.0, depth_range_mm=(500.0, 100.0)), "smallest < largest"),
         (lambda: Target("circle", (5.0,), same_plane=True), "count of 2 or more"),
+        (lambda: Target("circle", (5.0,), same_plane="yes"), "count of 2 or more"),
         (lambda: Target("coplanar", (5.0, 3.0), count=None, same_plane=True), "needs kind: circle"),
         (lambda: Target("circle", (5.0,), facing="sideways"), "left, right, up, down"),
         (lambda: Target("circle", (5.0,), facing=(1.0, 0.0)), "three numbers"),

@@ -12,7 +12,7 @@ from circlepose._typing import FloatArray
 from circlepose._version import __version__
 from circlepose.io.tables.columns import Row, candidate_fields, circle_fields
 from circlepose.io.text.escaping import quoted
-from circlepose.results import CircleResult, CovarianceTerms, ImageResult, NestedRim
+from circlepose.results import CircleResult, CovarianceTerms, ImageResult, NestedRim, Plane
 
 POSES_SCHEMA = "circlepose.poses/1"
 
@@ -33,6 +33,7 @@ def image_record(result: ImageResult, *, chosen_only: bool = False) -> Row:
         "remark": result.remark,
         "width": width,
         "height": height,
+        "planes": [_plane_record(number, plane) for number, plane in enumerate(result.planes)],
         "circles": [_circle_record(circle, chosen_only=chosen_only) for circle in result.circles],
     }
 
@@ -55,6 +56,7 @@ _CIRCLE_KEYS = (
     "rim_used",
     "score",
     "settled_by",
+    "plane",
     "vanishing_normal",
     "vanishing_normal_sigma_deg",
     "generatrix_expected_mm",
@@ -110,6 +112,7 @@ def _circle_record(circle: CircleResult, *, chosen_only: bool) -> Row:
         "reason": circle.reason,
         "flags": list(circle.flags),
         "nested_rims": [_nested_record(rim) for rim in circle.nested_rims] or None,
+        "plane": circle.plane,
         "vanishing_normal": _list(circle.vanishing_normal),
         "vanishing_normal_sigma_deg": circle.vanishing_sigma_deg,
         "generatrix_expected_mm": circle.generatrix_expected_mm,
@@ -130,6 +133,16 @@ def _nested_record(rim: NestedRim) -> Row:
         "distance_mm": rim.distance_mm,
         "admitted": rim.is_admitted,
         "taken": rim.is_taken,
+    }
+
+
+def _plane_record(number: int, plane: Plane) -> Row:
+    return {
+        "plane": number,
+        "method": plane.method,
+        "normal": plane.normal.tolist(),
+        "offset_mm": plane.offset_mm,
+        "circles": plane.circles,
     }
 
 

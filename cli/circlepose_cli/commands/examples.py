@@ -8,7 +8,7 @@ EXAMPLES: Mapping[str, str] = {
     "estimate": """\
 circlepose estimate photo.png --calib cam.yaml --radius-mm 60
 circlepose estimate imgs/ --target rings.yaml -o poses.csv
-circlepose estimate imgs/ --radius-mm 35 --count 12 --coplanar --chosen-only
+circlepose estimate imgs/ --radius-mm 35 --count all --chosen-only
 circlepose estimate photo.png --facing up --overlay checked/
 circlepose estimate imgs/ -r --columns image,center_z_mm,sigma_z_mm""",
     "check": """\

@@ -14,6 +14,7 @@ from circlepose.batch.resume import LOST
 from circlepose.detection.contour import Rejection
 from circlepose.io.text.escaping import printable, redacted
 from circlepose.results import Flag, ImageResult, Status
+from circlepose.targets.target import Target
 from circlepose_cli.console import process
 from circlepose_cli.console.doubtful_radius import doubt
 from circlepose_cli.console.interruption import Interruption
@@ -72,6 +73,7 @@ class Reporter:
         self._with_several = 0
         self._not_measured = 0
         self._is_radius_doubted = False
+        self._is_plane_declared = False
         self.failures: Counter[str] = Counter()
         self._quiet = quiet
         self._verbose = verbose
@@ -101,6 +103,10 @@ class Reporter:
             finally:
                 self._bar = None
 
+    def expect(self, target: Target) -> None:
+        """Take note of a target: whether there is more to say of a plane of lone circles."""
+        self._is_plane_declared |= target.kind != "circle" or target.same_plane != "auto"
+
     def count(self, result: ImageResult) -> None:
         """Take note of one image."""
         status, reason = _outcome(result)
@@ -110,7 +116,7 @@ class Reporter:
             ambiguous = {circle.instance for circle in result.circles if Flag.AMBIGUOUS in circle.flags}
             self._targets += len(targets)
             self._ambiguous += len(ambiguous)
-            self._with_several += bool(ambiguous) and len(targets) > 2
+            self._with_several += bool(ambiguous) and len(targets) > 1
             self._not_measured += result.rejected.get(str(Rejection.BEYOND_COUNT), 0)
         else:
             self.failures[status] += 1
@@ -170,10 +176,13 @@ class Reporter:
         if self._verbose:
             self.note(message)
 
-    def _how_to_settle(self, *, counted: bool, coplanar: bool) -> str:
+    def _how_to_settle(self, *, counted: bool) -> str:
         ways = ["--facing, --normal or --up", "a target of two circles"]
-        if not coplanar and (self._with_several or (self._not_measured and not counted)):
-            ways.insert(0, f"{'' if counted else '--count all '}--coplanar if the circles lie in one plane")
+        is_open = not self._is_plane_declared
+        if is_open and self._not_measured and not counted:
+            ways.insert(0, "--count all if three or more circles lie in one plane")
+        elif is_open and self._with_several:
+            ways.insert(0, "--coplanar if all circles of an image lie in one plane")
         return f"either pose may be the right one; give {', or '.join(ways)}"
 
     def summary(
@@ -183,11 +192,10 @@ class Reporter:
         interrupted: bool,
         resumable: bool,
         counted: bool = False,
-        coplanar: bool = False,
     ) -> None:
         """Say what became of all images, and what to type next.
 
-        `counted` is whether the user said how many circles to measure, `coplanar` whether they lie in one plane.
+        `counted` is whether the user said how many circles to measure.
         """
         failed = self.failures.total()
         parts = [f"{self.measured} measured", f"{failed} failed ({self._kinds()})" if failed else "0 failed"]
@@ -196,7 +204,7 @@ class Reporter:
             parts.append(f"interrupted: {rest} not done")
         if self._ambiguous:
             of = f" of {self._targets} targets" if self._targets > self.measured else ""
-            how = self._how_to_settle(counted=counted, coplanar=coplanar)
+            how = self._how_to_settle(counted=counted)
             parts.append(f"{self._ambiguous}{of} ambiguous: {how}")
         if self._not_measured and not counted:
             circles = "circle was" if self._not_measured == 1 else "circles were"

@@ -12,7 +12,7 @@ from typing import Annotated, Literal
 import typer
 
 from circlepose.detection import EXTRACTIONS, Extraction
-from circlepose.targets import Direction, Side
+from circlepose.targets import Direction, SamePlane, Side
 from circlepose_cli.options import declared, parse
 from circlepose_cli.options.groups import Parsed
 from circlepose_cli.options.help import Group
@@ -24,6 +24,13 @@ class CameraTargetOptions:
 
     A field with the name of a field of `Target` replaces that one.
     """
+
+    @property
+    def plane(self) -> SamePlane | None:
+        """What `--same-plane` or `--coplanar` says."""
+        if self.coplanar is None:
+            return self.same_plane
+        return "yes" if self.coplanar else "no"
 
     calib: Annotated[
         Path | None,
@@ -99,10 +106,19 @@ class CameraTargetOptions:
     major_px: declared.MajorPx = None
     minor_px: declared.MinorPx = None
     same_plane: Annotated[
+        SamePlane | None,
+        typer.Option(
+            "--same-plane",
+            help="Whether the circles lie in one plane, which settles their poses: auto finds planes of three or "
+            "more circles; yes: all lie in one. Default: what the target says, else auto.",
+            rich_help_panel=Group.AMBIGUITY,
+        ),
+    ] = None
+    coplanar: Annotated[
         bool | None,
         typer.Option(
             "--coplanar/--no-coplanar",
-            help="Whether all circles of an image lie in one plane, which helps to choose the pose.",
+            help="Short for --same-plane yes, or no.",
             rich_help_panel=Group.AMBIGUITY,
         ),
     ] = None

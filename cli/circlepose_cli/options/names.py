@@ -25,7 +25,7 @@ _FIELD_OF_KEY = {
 
 
 def option_of(field: str) -> str:
-    """Return the option of a field of `CameraTargetOptions`, such as --coplanar of `same_plane`."""
+    """Return the option of a field of `CameraTargetOptions`, such as --same-plane of `same_plane`."""
     annotation = get_type_hints(CameraTargetOptions, include_extras=True)[field]
     info = next(each for each in get_args(annotation) if isinstance(each, OptionInfo))
     # In an annotation Typer keeps the first name as the default.
@@ -39,6 +39,6 @@ def with_options(message: str, known: CameraTargetOptions) -> str:
 
 
 def _named(key: str, known: CameraTargetOptions) -> str:
-    field = _FIELD_OF_KEY.get(key, key)
+    field = "coplanar" if key == "same_plane" and known.coplanar is not None else _FIELD_OF_KEY.get(key, key)
     is_typed = field in {each.name for each in fields(known)} and getattr(known, field) is not None
     return option_of(field) if is_typed else key

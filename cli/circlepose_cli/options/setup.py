@@ -47,6 +47,8 @@ class Setups:
         """Take what the command line says; `force_calibration` uses a calibration that no camera has."""
         if known.target_file is not None and known.radius_mm is not None:
             raise UsageError("--target, --radius-mm: give one of them, not both.")
+        if known.same_plane is not None and known.coplanar is not None:
+            raise UsageError("--same-plane, --coplanar: give one of them, not both.")
         self._known = known
         self._on_new = on_new
         self._force_calibration = force_calibration
@@ -123,8 +125,9 @@ def _described(target: Target) -> str:
     """Return what sets the scale of all results, and what settles their ambiguity."""
     radii = ", ".join(f"{radius:g}" for radius in target.radii_mm)
     scale = f"radius_mm {radii}" if target.kind == "circle" else f"{target.kind}, radii_mm {radii}"
-    settling = [key for key in ("same_plane", "normal_hint", "up_hint", "facing") if getattr(target, key)]
-    return ", ".join([scale, *settling])
+    settling = [key for key in ("normal_hint", "up_hint", "facing") if getattr(target, key)]
+    plane = [] if target.same_plane == "auto" else [f"same_plane {target.same_plane}"]
+    return ", ".join([scale, *plane, *settling])
 
 
 def _beside(folder: Place, stem: str) -> Path | None:
@@ -141,10 +144,10 @@ def _circle(radius_mm: float) -> Target:
 
 def _overridden(target: Target, known: CameraTargetOptions) -> Target:
     """Return the target with what was typed; raises `UsageError` that names the options."""
-    if known.same_plane and target.kind == "circle" and (known.count or target.count) == 1:
+    if known.plane == "yes" and target.kind == "circle" and (known.count or target.count) == 1:
+        option = option_of("same_plane" if known.coplanar is None else "coplanar")
         raise UsageError(
-            f"{option_of('same_plane')}: needs several circles in each image, but one is looked for; give --count N "
-            "or --count all."
+            f"{option}: needs several circles in each image, but one is looked for; give --count N or --count all."
         )
     try:
         return _replaced(target, known)
@@ -154,6 +157,8 @@ def _overridden(target: Target, known: CameraTargetOptions) -> Target:
 
 def _replaced(target: Target, known: CameraTargetOptions) -> Target:
     changes = {key: value for key in _SAME_NAME if (value := getattr(known, key)) is not None}
+    if known.plane is not None:
+        changes["same_plane"] = known.plane
     if known.major_px is not None or known.minor_px is not None:
         axes = target.axis_intervals or AxisIntervals()
         changes["axis_intervals"] = AxisIntervals(known.major_px or axes.major_px, known.minor_px or axes.minor_px)

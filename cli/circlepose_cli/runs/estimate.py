@@ -117,7 +117,6 @@ def _run(request: EstimateRequest, held: ExitStack) -> int:
         interrupted=interruption.received,
         resumable=journal is not None and not is_done,
         counted=request.known.count is not None,
-        coplanar=bool(request.known.same_plane),
     )
     if interruption.received:
         return INTERRUPTED
@@ -241,6 +240,7 @@ def _accept_setup(reporter: Reporter, outputs: Outputs, folder: Place, setup: Se
             "" if setup.target_path is None and setup.target_origin.startswith("--") else f"{setup.target_origin}: "
         )
         raise UsageError(f"{where}--{error}") from None
+    reporter.expect(setup.target)
     for note in setup.notes:
         reporter.note(note)
     reporter.detail(f"{folder}: camera {setup.camera_file.path}, target {setup.target_origin}")

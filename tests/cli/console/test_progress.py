@@ -10,6 +10,7 @@ import pytest
 
 from circlepose.detection.contour import Rejection
 from circlepose.results import Flag, ImageResult, Status
+from circlepose.targets.target import Target
 from circlepose_cli.console.progress import Pace, Reporter, duration
 from circlepose_cli.console.stdin_lines import standard_input
 from circlepose_cli.options.declared import StdinChoice
@@ -105,11 +106,29 @@ def test_the_closing_lines_name_what_to_type_next(capsys):
     counted(Reporter(quiet=False, verbose=False))
     assert capsys.readouterr().err.splitlines() == [
         "11 more circles were found: --count all measures all",
-        "2 measured, 0 failed, 1 ambiguous: either pose may be the right one; give --count all --coplanar if the "
-        "circles lie in one plane, or --facing, --normal or --up, or a target of two circles",
+        "2 measured, 0 failed, 1 ambiguous: either pose may be the right one; give --count all if three or "
+        "more circles lie in one plane, or --facing, --normal or --up, or a target of two circles",
     ]
 
 
 def test_who_gave_a_count_is_not_asked_for_another(capsys):
     counted(Reporter(quiet=False, verbose=False), counted=True)
     assert "--count" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("target", "said"),
+    [
+        (Target.circle(20.0, count=2), True),
+        (Target.circle(20.0, count=2, same_plane="yes"), False),
+        (Target.circle(20.0, count=2, same_plane="no"), False),
+        (Target.rings([50.0, 30.0], count=2), False),
+    ],
+)
+def test_a_plane_is_suggested_where_there_are_several_lone_circles_and_nothing_was_said(capsys, target, said):
+    reporter = Reporter(quiet=False, verbose=False)
+    reporter.expect(target)
+    reporter.count(made_result(*(replace(made_circle(i), flags=(Flag.AMBIGUOUS,)) for i in range(2))))
+    reporter.summary(1, interrupted=False, resumable=False, counted=True)
+    advice = "--coplanar if all circles of an image lie in one plane"
+    assert (advice in capsys.readouterr().err) == said

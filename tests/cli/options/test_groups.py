@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 from circlepose.detection import EXTRACTIONS
 from circlepose.io.tables import LAYOUTS
 from circlepose.solvers import METHODS
-from circlepose.targets import POLARITIES
+from circlepose.targets import POLARITIES, SAME_PLANE
 from circlepose.targets.target import Target
 from circlepose_cli.app import main
 from circlepose_cli.options.camera_target import CameraTargetOptions
@@ -72,6 +72,7 @@ def test_an_option_is_declared_once_in_the_source(project_root):
         ("polarity", POLARITIES),
         ("extraction", EXTRACTIONS),
         ("layout", LAYOUTS),
+        ("same-plane", SAME_PLANE),
     ],
 )
 def test_choices_are_those_of_the_library(option, choices, capsys, monkeypatch):

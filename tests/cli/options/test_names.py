@@ -34,6 +34,8 @@ def test_only_what_was_typed_is_named():
     ("typed", "message"),
     [
         ("--coplanar", "needs several circles in each image, but one is looked for; give --count N or --count all."),
+        ("--same-plane yes", "circlepose: --same-plane: needs several circles in each image"),
+        ("--same-plane no --coplanar", "--same-plane, --coplanar: give one of them, not both."),
         ("--coplanar --count 1", "needs several circles in each image, but one is looked for"),
         ("--normal 0,0,1", "--normal: points away from the camera"),
         ("--normal 1e300,0,0", "--normal: expected a direction"),
@@ -59,7 +61,7 @@ def test_a_message_names_the_option(run, folder, typed, message):
 
 def test_a_ring_target_is_no_set_of_coplanar_circles(run, folder, tmp_path):
     (tmp_path / "ring.yaml").write_text("kind: coplanar\nradii_mm: [20, 10]\n")
-    for option in ("--coplanar", "--normal=0,0,-1", "--facing=left"):
+    for option in ("--coplanar", "--same-plane=yes", "--normal=0,0,-1", "--facing=left"):
         code, _, err = run("estimate", folder, "-q", "--target", tmp_path / "ring.yaml", option)
         assert code == 2
         assert err.startswith(f"circlepose: {option.split('=')[0]}: ")

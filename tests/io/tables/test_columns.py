@@ -182,6 +182,7 @@ def test_json_uses_the_tables_names():
         "covariance",
         "covariance_terms",
         "nested_rims",
+        "plane",
         "color_mix",
         "vanishing_normal",
         "vanishing_normal_sigma_deg",
