@@ -10,19 +10,9 @@ import numpy as np
 from circlepose._typing import BoolArray, FloatArray, IntArray
 from circlepose.boards.constellation import Sighting
 from circlepose.boards.diagnosis import why_misfit
+from circlepose.boards.fit import BoardFit, chance_of_second, chi_squares, fit_at, fit_board, minimum_near
 from circlepose.boards.options import DEFAULT, BoardOptions
-from circlepose.boards.pose import (
-    BoardFit,
-    BoardRims,
-    RigidPose,
-    chance_of_second,
-    chi_squares,
-    circles_at,
-    fit_at,
-    fit_board,
-    minimum_near,
-    mirrored,
-)
+from circlepose.boards.pose import BoardRims, RigidPose, circles_at, mirrored
 from circlepose.boards.symmetry import symmetries
 from circlepose.camera.camera import Camera
 from circlepose.fitting.cone_projection import image_ellipses

@@ -10,10 +10,11 @@ import numpy as np
 from circlepose._typing import FloatArray, Image
 from circlepose.board_result import BoardCircleFit, BoardPose, BoardResult
 from circlepose.boards.constellation import Sighting
+from circlepose.boards.fit import BoardFit
 from circlepose.boards.marks import are_rings
 from circlepose.boards.match import find_boards
 from circlepose.boards.options import DEFAULT, BoardOptions
-from circlepose.boards.pose import BoardFit, BoardRims, circle_derivatives, circles_at
+from circlepose.boards.pose import BoardRims, circle_derivatives, circles_at
 from circlepose.boards.refinement import FoundBoard, Scene
 from circlepose.boards.uncertainty import board_terms
 from circlepose.camera.camera import Camera

@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from circlepose.boards.fit import fit_board
 from circlepose.boards.pose import (
     BoardRims,
     RigidPose,
     circle_derivatives,
     circles_at,
-    fit_board,
     mirrored,
     pose_of_plane,
     rotation_of,
