@@ -34,8 +34,6 @@ class BoardOptions:
     """log probability of a circle of another size than the layout's; empirical"""
     decisive_log: float = 6.9
     """log odds, at least, of the best place over every other: 1 in 1000; statistical"""
-    size_tolerance: float = 0.2
-    """share of the size, by which one differs that is of another radius; empirical"""
     size_noise: float = 0.02
     """share of the size; its error, at least; empirical"""
     size_rounds: int = 8

@@ -66,12 +66,15 @@ def place(
     same = symmetries(layout)
     scored: list[tuple[float, IntArray, int]] = []
     sizes = _relative_sizes(patch, ellipse, options)
+    size_noise = max(options.size_noise, 1.5 * float(np.median(np.abs(sizes - np.median(sizes)))))
     rings = np.zeros(len(patch.members), np.bool_) if is_ring is None else is_ring[patch.members]
     for nodes, common in _candidates(patch, layout, options):
         most = options.foreign_log * (len(nodes) - common)
         if scored and most < max(each[0] for each in scored) - 2.0 * options.decisive_log:
             break
-        score, circles, missing = _judged(patch, nodes, sizes, rings, ellipse, layout, image_size, options)
+        score, circles, missing = _judged(
+            patch, nodes, sizes, size_noise, rings, ellipse, layout, image_size, options
+        )
         # Equal but for a symmetry of the layout.
         again = any(
             np.array_equal(permutation[circles[circles >= 0]], other[circles >= 0])
@@ -136,6 +139,7 @@ def _judged(
     patch: Patch,
     nodes: IntArray,
     sizes: FloatArray,
+    size_noise: float,
     rings: BoolArray,
     ellipse: Ellipse,
     layout: BoardLayout,
@@ -148,9 +152,9 @@ def _judged(
     on_board = circles >= 0
     score = options.foreign_log * float(np.count_nonzero(~on_board))
     radius = layout.radius_mm[circles[on_board]] / layout.usual_radius_mm
-    unlike = np.abs(sizes[on_board] / radius - 1.0) > options.size_tolerance
-    unlike |= rings[on_board] != layout.is_ring[circles[on_board]]
-    score += options.unlike_log * float(np.count_nonzero(unlike))
+    off = (sizes[on_board] / radius - 1.0) / size_noise
+    score += float(np.maximum(-0.5 * off**2, options.unlike_log).sum())
+    score += options.unlike_log * float(np.count_nonzero(rings[on_board] != layout.is_ring[circles[on_board]]))
     absent = np.setdiff1d(np.arange(len(layout)), circles[on_board])
     inside = _are_inside(patch, nodes, ellipse, layout.node_of[absent], image_size)
     missing = int(np.count_nonzero(inside))
