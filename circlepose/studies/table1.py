@@ -89,7 +89,8 @@ def _printed_rows() -> Iterator[Table1Row]:
 
 
 def _scene_rows(scene: Scene) -> Iterator[Table1Row]:
-    truth = _Pose(scene.targets[0].center_mm, scene.targets[0].normal)
+    (disc,) = scene.targets[0].circles
+    truth = _Pose(disc.center, disc.normal)
     for source, (reference_method, poses) in _measure(scene, truth.normal).items():
         for method, pose in poses.items():
             if pose is None:

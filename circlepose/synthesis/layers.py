@@ -16,7 +16,18 @@ from circlepose.synthesis.regions import (
     plane_coordinates,
     solid_region,
 )
-from circlepose.synthesis.scene import Circle, Disc, Paint, Patch, Plane, Rings, Scene, TargetPart
+from circlepose.synthesis.scene import (
+    BoardPart,
+    Circle,
+    CoaxialPart,
+    Disc,
+    Paint,
+    Patch,
+    Plane,
+    Rings,
+    Scene,
+    TargetPart,
+)
 from circlepose.synthesis.texture import mottle
 
 
@@ -52,7 +63,7 @@ def layers(scene: Scene) -> tuple[Layer, ...]:
     """Return the layers of `scene` above its background, the lowest first."""
     return (
         *(_patch_layer(patch) for patch in scene.shapes),
-        *(_target_layer(target) for target in scene.targets),
+        *(layer for target in scene.targets for layer in _target_layers(target)),
         *(_patch_layer(patch) for patch in scene.occluders),
     )
 
@@ -61,7 +72,23 @@ def _patch_layer(patch: Patch) -> Layer:
     return Layer((Part(patch_region(patch), patch.paint, patch.plane),))
 
 
-def _target_layer(target: TargetPart) -> Layer:
+def _target_layers(target: TargetPart) -> tuple[Layer, ...]:
+    if isinstance(target, BoardPart):
+        return tuple(_board_layer(target, rims) for rims in target.seen_rims)
+    return (_target_layer(target),)
+
+
+def _board_layer(target: BoardPart, rims: tuple[Circle, ...]) -> Layer:
+    # All circles of a plane have one origin, so that a texture runs on from circle to circle.
+    normal, center = rims[0].normal, rims[0].center
+    origin = target.translation + normal * float(normal @ (center - target.translation))
+    plane = Plane.create(origin, normal, target.rotation[:, 0])
+    return Layer(
+        tuple(Part(CircleRegion(rim), paint, plane) for rim, paint in zip(rims, target.paints, strict=False))
+    )
+
+
+def _target_layer(target: Disc | Rings | CoaxialPart) -> Layer:
     plane = Plane.create(target.center_mm, target.normal)
     if isinstance(target, Disc):
         rims = ((target.radius_mm, target.paint), *target.marks)

@@ -16,10 +16,24 @@ import numpy as np
 from circlepose._typing import FloatArray
 from circlepose.camera.camera import Camera
 from circlepose.errors import SceneError
-from circlepose.synthesis.surfaces import Box, Paint, Patch, Plane, Polygon, Round, Shape, Texture, check, placed
+from circlepose.synthesis.board_part import BoardPart
+from circlepose.synthesis.surfaces import (
+    Box,
+    Circle,
+    Paint,
+    Patch,
+    Plane,
+    Polygon,
+    Round,
+    Shape,
+    Texture,
+    check,
+    placed,
+)
 from circlepose.targets import Kind
 
 __all__ = [
+    "BoardPart",
     "Box",
     "Circle",
     "CoaxialPart",
@@ -46,20 +60,6 @@ class Shading:
     """change from the left border to the right one: 0.2 is from 0.9 to 1.1"""
     down: float = 0.0
     """change from the upper border to the lower one"""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Circle:
-    """The truth of one circle."""
-
-    name: str
-    """as in the tables' column `circle`"""
-    center: FloatArray
-    """(3,) mm, camera frame"""
-    normal: FloatArray
-    """(3,) unit, towards the camera"""
-    radius: float
-    """mm"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -174,7 +174,7 @@ class CoaxialPart:
         )
 
 
-TargetPart: TypeAlias = Disc | Rings | CoaxialPart
+TargetPart: TypeAlias = Disc | Rings | CoaxialPart | BoardPart
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -216,7 +216,7 @@ class Scene:
         return self.camera.image_size
 
 
-def _place(part: TargetPart, what: str) -> None:
+def _place(part: Disc | Rings | CoaxialPart, what: str) -> None:
     center, normal = placed(what, part.center_mm, part.normal)
     object.__setattr__(part, "center_mm", center)
     object.__setattr__(part, "normal", normal)

@@ -1,4 +1,4 @@
-"""Surfaces of a scene: looks, planes and flat shapes. Frozen values; mm in space, px in the image."""
+"""Surfaces of a scene: looks, planes, circles and flat shapes. Frozen values; mm in space, px in the image."""
 
 from __future__ import annotations
 
@@ -38,6 +38,20 @@ class Paint:
 
     def __post_init__(self) -> None:
         check("level", self.level)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Circle:
+    """The truth of one circle."""
+
+    name: str
+    """as in the tables' column `circle`"""
+    center: FloatArray
+    """(3,) mm, camera frame"""
+    normal: FloatArray
+    """(3,) unit, towards the camera"""
+    radius: float
+    """mm"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -14,17 +14,22 @@ from pydantic import Field
 from circlepose._arguments import shown
 from circlepose.camera.camera import Camera
 from circlepose.errors import SceneError
+from circlepose.io.board_file import layout_to_mapping
 from circlepose.io.calibration.forms import native
 from circlepose.io.calibration.reader import read_camera
-from circlepose.io.scenes.parts import paint, plane, shape_patch, target_part
+from circlepose.io.scenes.boards import LAYOUT_KEYS
+from circlepose.io.scenes.parts import paint, plane, shape_patch
+from circlepose.io.scenes.targets import target_part
 from circlepose.io.target_file import target_from_mapping
 from circlepose.io.text.source import read_source
 from circlepose.io.text.validation import Strict, parse, unknown_key
 from circlepose.io.text.yaml import parse_yaml
-from circlepose.synthesis.scene import CoaxialPart, Patch, Scene, Shading, TargetPart
+from circlepose.synthesis.scene import BoardPart, CoaxialPart, Patch, Scene, Shading, TargetPart
 from circlepose.targets.target import Target
 
 _TARGET_KEYS = ("count", "polarity", "axis_intervals_px", "depth_range_mm", "normal_hint", "up_hint", "facing")
+_BOARD_KEYS = ("kind", *LAYOUT_KEYS)
+"""Keys of `target` in a file of boards, for all of them."""
 _Mappings = list[dict[str, Any]]
 _NotNegative = Annotated[float, Field(ge=0.0)]
 
@@ -99,7 +104,7 @@ def read_scenes(path: str | os.PathLike[str]) -> SceneFile:
             raise SceneError(f"{where}: image: {image!r} is the name of an earlier view; give each view its own.")
         # Two images with the same noise would be no independent ones.
         seed = view.noise_seed if "noise_seed" in view.model_fields_set else form.noise_seed + number
-        scenes.append(_scene(view, where, camera, image, seed, form.planes))
+        scenes.append(_scene(view, where, camera, image, seed, form, Path(name).parent))
     return SceneFile(camera, tuple(scenes), _target(form, scenes, name))
 
 
@@ -127,10 +132,9 @@ def _views(form: _File, entries: Mapping[str, object], name: str) -> Iterator[tu
         yield where, parse(_View, {**shared, **own}, where, SceneError)
 
 
-def _scene(
-    view: _View, where: str, camera: Camera, image: str, seed: int, planes: Mapping[str, Mapping[str, Any]]
-) -> Scene:
-    known = {key: plane(entries, f"{where}: planes.{key}") for key, entries in planes.items()}
+def _scene(view: _View, where: str, camera: Camera, image: str, seed: int, form: _File, folder: Path) -> Scene:
+    known = {key: plane(entries, f"{where}: planes.{key}") for key, entries in form.planes.items()}
+    layout = {key: value for key, value in form.target.items() if key in LAYOUT_KEYS}
 
     def patches(key: str, listed: _Mappings) -> tuple[Patch, ...]:
         return tuple(
@@ -138,7 +142,8 @@ def _scene(
         )
 
     targets = tuple(
-        target_part(entries, f"{where}: targets[{number}]", known) for number, entries in enumerate(view.targets)
+        target_part(_of_board(entries, layout), f"{where}: targets[{number}]", known, folder)
+        for number, entries in enumerate(view.targets)
     )
     return Scene(
         camera=camera,
@@ -155,11 +160,23 @@ def _scene(
     )
 
 
+def _of_board(entries: Mapping[str, Any], layout: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return the entries of a target; a board that has no layout of its own has the file's."""
+    is_plain = entries.get("kind") == "board" and not any(key in entries for key in LAYOUT_KEYS)
+    return {**layout, **entries} if is_plain else entries
+
+
 def _target(form: _File, scenes: list[Scene], name: str) -> Target | None:
-    for key in form.target:
-        if key not in _TARGET_KEYS:
-            raise SceneError(f"{name}: target.{unknown_key(key, _TARGET_KEYS)}")
     parts = [part for scene in scenes for part in scene.targets]
+    is_board = any(isinstance(part, BoardPart) for part in parts)
+    known = (*_TARGET_KEYS, *_BOARD_KEYS) if is_board else _TARGET_KEYS
+    for key in form.target:
+        if key not in known:
+            raise SceneError(f"{name}: target.{unknown_key(key, known)}")
+    if form.target.get("kind", "board") != "board":
+        raise SceneError(
+            f"{name}: target.kind: expected board, the kind of the targets, got {form.target['kind']!r}."
+        )
     if not parts:
         return None
     described = _described(parts[0])
@@ -169,10 +186,13 @@ def _target(form: _File, scenes: list[Scene], name: str) -> Target | None:
         )
     counts = {len(scene.targets) for scene in scenes}
     count = counts.pop() if len(counts) == 1 else "all"
-    return target_from_mapping({**described, "count": count, **form.target}, f"{name}: target")
+    said = {key: value for key, value in form.target.items() if key not in _BOARD_KEYS}
+    return target_from_mapping({**described, "count": count, **said}, f"{name}: target")
 
 
 def _described(part: TargetPart) -> dict[str, object]:
+    if isinstance(part, BoardPart):
+        return {"kind": part.kind, **layout_to_mapping(part.layout)}
     radii = [circle.radius for circle in part.circles]
     if part.kind == "circle":
         return {"kind": part.kind, "radius_mm": radii[0]}
