@@ -12,7 +12,7 @@ from circlepose._typing import Image
 from circlepose.drawing.canvas import Pen
 from circlepose.drawing.style import OTHER, PANEL, SMALL_SIZE, TEXT_SIZE, TITLE_SIZE, Color, Font, plain
 
-Sample: TypeAlias = Literal["line", "bold arrow", "thin arrow", "cross", "patch", "number"]
+Sample: TypeAlias = Literal["line", "dashes", "bold arrow", "thin arrow", "cross", "patch", "number"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,6 +99,9 @@ def _draw_sample(pen: Pen, item: LegendItem, left: float, middle: float, width: 
     start, end = np.array([left, round(middle)]), np.array([left + 0.9 * width, round(middle)])
     if item.sample == "line":
         pen.lines([np.stack([start, end])], item.color, max(1.4, 2.0 / pen.unit))
+    elif item.sample == "dashes":
+        parts = np.linspace(start, end, 6).reshape(3, 2, 2)
+        pen.lines(list(parts), item.color, max(1.4, 2.0 / pen.unit))
     elif item.sample == "bold arrow":
         pen.arrow(start, end, item.color, 2.2)
     elif item.sample == "thin arrow":

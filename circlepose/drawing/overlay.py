@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from circlepose import _arguments
-from circlepose._typing import BoolArray, FloatArray, Image
-from circlepose.camera.camera import Camera, circle_contour
-from circlepose.diagnostics.explain import camera_of, rim_places
-from circlepose.drawing import words
+from circlepose._typing import Image
+from circlepose.camera.camera import Camera
+from circlepose.diagnostics.boards import BoardView, board_views
+from circlepose.diagnostics.explain import camera_of
+from circlepose.drawing import board_overlay, board_words, words
+from circlepose.drawing.board_overlay import draw_boards, plan_names
 from circlepose.drawing.canvas import Pen
 from circlepose.drawing.display import boxes_around, displayed, enlarged
 from circlepose.drawing.heading import Heading, LegendItem
 from circlepose.drawing.labels import Label, Plan, Room, draw_labels, plan_labels
+from circlepose.drawing.rims import Drawn, draw_center, draw_rims
 from circlepose.drawing.style import (
     AMBIGUOUS,
     CENTER,
@@ -27,7 +29,6 @@ from circlepose.drawing.style import (
     REJECTED,
     TEXT_SIZE,
     UNUSED,
-    Color,
     unit_of,
 )
 from circlepose.errors import ArgumentError
@@ -38,10 +39,6 @@ MOST_CAPTIONS = 4
 MOST_ROWS = 12
 """with more targets the poses are only in the table of `estimate`"""
 _NUMBER_SIZES = (0.5, 0.42, 0.35, 0.29, 0.24)
-_LEAST_RIM_POINTS, _MOST_RIM_POINTS, _RIM_STEP = 48, 720, 4.0
-"""Corners of a drawn rim, and picture px between them: a chord leaves its arc by less than a tenth of a px."""
-_WIDE_GAP = (3.0, 8.0)
-"""A gap of the contour: times the usual step, and deg."""
 _OFF_PX = 0.5
 """The camera is another one if it sees a center farther than this from where it was seen."""
 
@@ -51,8 +48,9 @@ def draw_overlay(image: Image, result: ImageResult, camera: Camera) -> Image:
 
     Drawn for each circle are the rim of the chosen pose, thin, so that one can see whether it lies on the edge; the
     imaged center; both candidates' normals, one radius long, the chosen one bold; and the number of the target, which
-    is `instance` in the tables. Above the image are its name, what was found, the poses and a legend. Small images
-    are enlarged, dark and pale ones brightened. Of several methods the first is drawn.
+    is `instance` in the tables. Of a board the rims of all circles by its pose are drawn, its axes, and the names of
+    circles. Above the image are its name, what was found, the poses and a legend. Small images are enlarged, dark and
+    pale ones brightened. Of several methods the first is drawn.
 
     Parameters
     ----------
@@ -90,14 +88,17 @@ def draw_overlay(image: Image, result: ImageResult, camera: Camera) -> Image:
     canvas, enlargement = enlarged(shown, _typical_px(circles))
     unit = unit_of(canvas)
     pen, room = Pen(canvas, enlargement, unit), Room.of(canvas, unit)
-    drawn = [_Drawn.of(circle, camera, enlargement) for circle in circles]
-    _draw_rims(pen, room, drawn)
+    views = board_views(result)
+    if views:
+        return _with_boards(pen, room, views, camera, result, remark)
+    drawn = [Drawn.of(circle, camera, enlargement) for circle in circles]
+    draw_rims(pen, room, drawn)
     arrows = [arrow for each in drawn for arrow in each.arrows]
     for tail, head, color, units in sorted(arrows, key=lambda arrow: arrow[3]):
         pen.arrow(tail, head, color, units)
     room.spare_lines([pen.at(np.stack([tail, head])) for tail, head, _, _ in arrows])
     for each in drawn:
-        _draw_center(pen, each.circle)
+        draw_center(pen, each.circle)
     targets = _by_target(drawn)
     plan = _plan_labels(pen, room, targets)
     draw_labels(canvas, plan)
@@ -111,31 +112,24 @@ def draw_overlay(image: Image, result: ImageResult, camera: Camera) -> Image:
     return np.concatenate([heading.drawn(canvas.shape[1], unit), canvas])
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Drawn:
-    """A circle, and what is drawn for it, in image px."""
-
-    circle: CircleResult
-    color: Color
-    rim: FloatArray
-    """(n, 2) of the chosen pose, or else of the fitted ellipse, or else the contour"""
-    hidden: BoolArray
-    """(n,) which of these points are in a gap of the contour"""
-    arrows: tuple[tuple[FloatArray, FloatArray, Color, float], ...]
-    """normals of the candidates: tail, head, color and width in units"""
-
-    @classmethod
-    def of(cls, circle: CircleResult, camera: Camera, enlargement: int) -> _Drawn:
-        """Return what is drawn for `circle`."""
-        color = _color(circle)
-        rim = _rim(circle, camera, enlargement)
-        arrows = (
-            (candidate.imaged_center, camera.project(candidate.center + circle.radius_mm * candidate.normal))
-            for candidate in circle.candidates
-        )
-        styles = ((color, 2.2) if n == circle.chosen else (OTHER, 1.0) for n in range(len(circle.candidates)))
-        both = tuple((*ends, *style) for ends, style in zip(arrows, styles, strict=True))
-        return cls(circle, color, rim, _hidden(circle, rim), both)
+def _with_boards(
+    pen: Pen, room: Room, views: Sequence[BoardView], camera: Camera, result: ImageResult, remark: str
+) -> Image:
+    """Return the picture of boards."""
+    drawn = draw_boards(pen, room, views, camera)
+    for view in views:
+        for circle, fit in zip(view.circles, view.fits, strict=True):
+            if fit is not None:
+                draw_center(pen, circle)
+    for plan in plan_names(pen, room, drawn):
+        draw_labels(pen.canvas, plan)
+    boards = [view.board for view in views]
+    rows = board_words.rows(boards) if 1 < len(boards) <= MOST_ROWS else ()
+    sentences = (*_failure(result), *board_words.sentences(boards), remark)
+    legend = (*board_overlay.legend(drawn), LegendItem("cross", CENTER, "imaged center"))
+    color = PANEL if result.status is Status.OK else PARTLY
+    heading = Heading(result.image, tuple(each for each in sentences if each), legend, rows, color)
+    return np.concatenate([heading.drawn(pen.canvas.shape[1], pen.unit), pen.canvas])
 
 
 def _checked_camera(
@@ -164,14 +158,14 @@ def _typical_px(circles: Sequence[CircleResult]) -> float:
     return float(np.median(axes)) if axes else np.inf
 
 
-def _by_target(drawn: Sequence[_Drawn]) -> list[list[_Drawn]]:
-    targets: dict[int, list[_Drawn]] = {}
+def _by_target(drawn: Sequence[Drawn]) -> list[list[Drawn]]:
+    targets: dict[int, list[Drawn]] = {}
     for each in drawn:
         targets.setdefault(each.circle.instance, []).append(each)
     return list(targets.values())
 
 
-def _plan_labels(pen: Pen, room: Room, targets: Sequence[Sequence[_Drawn]]) -> Plan:
+def _plan_labels(pen: Pen, room: Room, targets: Sequence[Sequence[Drawn]]) -> Plan:
     """Return where the captions of the targets go, or their numbers where they are many or have no room."""
     has_captions = len(targets) <= MOST_CAPTIONS
     sizes = ([TEXT_SIZE] if has_captions else []) + list(_NUMBER_SIZES)
@@ -186,66 +180,7 @@ def _plan_labels(pen: Pen, room: Room, targets: Sequence[Sequence[_Drawn]]) -> P
     return plan_labels(pen.canvas, room, labels, [size * pen.unit for size in sizes])
 
 
-def _rim(circle: CircleResult, camera: Camera, enlargement: int) -> FloatArray:
-    if circle.ellipse is None:
-        number = _MOST_RIM_POINTS
-    else:
-        length = 2.0 * np.pi * float(circle.ellipse.semi_major) * enlargement
-        number = int(np.clip(length / _RIM_STEP, _LEAST_RIM_POINTS, _MOST_RIM_POINTS))
-    if circle.candidates:
-        chosen = circle.candidates[circle.chosen]
-        return circle_contour(camera, chosen.center, chosen.normal, circle.radius_mm, number)
-    if circle.ellipse is not None:
-        return circle.ellipse.points(number)
-    return np.empty((0, 2)) if circle.contour is None else circle.contour
-
-
-def _draw_rims(pen: Pen, room: Room, drawn: Sequence[_Drawn]) -> None:
-    for each in drawn:
-        if not len(each.rim):
-            continue
-        room.keep_disc(pen.at(each.rim))
-        if not each.circle.candidates and each.circle.contour is not None:
-            pen.hairline(_with_gaps(each.circle.contour), REJECTED)
-            continue
-        pen.hairline(each.rim, each.color, closed=True)
-        if each.hidden.any():
-            pen.hairline(np.where(each.hidden[:, None], each.rim, np.nan), UNUSED, closed=True)
-
-
-def _hidden(circle: CircleResult, rim: FloatArray) -> BoolArray:
-    """Return which points of the rim (n, 2) of the chosen pose are in a gap of the contour."""
-    if not circle.candidates or circle.ellipse is None or circle.contour is None or len(circle.contour) < 2:
-        return np.zeros(len(rim), dtype=np.bool_)
-    known = np.sort(rim_places(circle.ellipse, circle.contour))
-    steps = np.diff(known, append=known[0] + 360.0)
-    times, least_deg = _WIDE_GAP
-    wide = steps > max(times * float(np.median(steps)), least_deg)
-    if not wide.any():
-        return np.zeros(len(rim), dtype=np.bool_)
-    place = np.nan_to_num(rim_places(circle.ellipse, rim))
-    return np.asarray(wide[(np.searchsorted(known, place, side="right") - 1) % len(known)])
-
-
-def _with_gaps(contour: FloatArray) -> FloatArray:
-    """Close a contour (n, 2), with NaN where neighbors are far apart: an arc that was not used."""
-    closed = np.concatenate([contour, contour[:1]])
-    steps = np.linalg.norm(np.diff(closed, axis=0), axis=1)
-    far = np.flatnonzero(steps > max(4.0 * float(np.median(steps)), 3.0))
-    return np.insert(closed, far + 1, np.nan, axis=0)
-
-
-def _draw_center(pen: Pen, circle: CircleResult) -> None:
-    if circle.candidates:
-        reach = np.inf if circle.ellipse is None else 0.18 * float(circle.ellipse.semi_minor)
-        pen.cross(circle.candidates[circle.chosen].imaged_center, reach)
-
-
-def _color(circle: CircleResult) -> Color:
-    return REJECTED if not circle.candidates else AMBIGUOUS if words.is_doubtful(circle) else CHOSEN
-
-
-def _legend(drawn: Sequence[_Drawn], *, has_numbers: bool) -> tuple[LegendItem, ...]:
+def _legend(drawn: Sequence[Drawn], *, has_numbers: bool) -> tuple[LegendItem, ...]:
     """Return what is drawn, and nothing else."""
     colors = {each.color for each in drawn}
     items = []
@@ -268,7 +203,7 @@ def _legend(drawn: Sequence[_Drawn], *, has_numbers: bool) -> tuple[LegendItem, 
     return tuple(items)
 
 
-def _rows(targets: Sequence[Sequence[_Drawn]]) -> tuple[tuple[str, ...], ...]:
+def _rows(targets: Sequence[Sequence[Drawn]]) -> tuple[tuple[str, ...], ...]:
     """Return the poses of a few targets as a table; nothing for many."""
     if not 0 < len(targets) <= MOST_ROWS:
         return ()
@@ -276,6 +211,13 @@ def _rows(targets: Sequence[Sequence[_Drawn]]) -> tuple[tuple[str, ...], ...]:
     # What is the same for all is said above the table.
     is_same = len({row[-1] for row in rows}) == 1
     return tuple(row[:-1] if is_same else row for row in (words.ROW_NAMES, *rows))
+
+
+def _failure(result: ImageResult) -> tuple[str, ...]:
+    """Return why an image failed; nothing if it did not."""
+    if result.status is Status.OK:
+        return ()
+    return (f"{result.status}: {words.without_advice(result.reason)}" if result.reason else f"{result.status}",)
 
 
 def _heading(
@@ -286,11 +228,7 @@ def _heading(
     legend: tuple[LegendItem, ...],
 ) -> Heading:
     has_failed = result.status is not Status.OK
-    sentences = (
-        [f"{result.status}: {words.without_advice(result.reason)}" if result.reason else f"{result.status}"]
-        if has_failed
-        else []
-    )
+    sentences = list(_failure(result))
     if circles:
         sentences.append(words.summary(circles))
     sentences.append("; ".join(remark for remark in remarks if remark))

@@ -32,6 +32,10 @@ CLIPPED: Color = (0, 140, 255)
 """clipped levels"""
 REJECTED: Color = (70, 70, 255)
 """without a pose; a contour that is rejected"""
+MISFIT: Color = (0, 140, 255)
+"""a circle of a board that does not fit its pose"""
+AXES: tuple[Color, Color, Color] = ((70, 70, 255), (60, 220, 60), (255, 130, 50))
+"""of a frame: x, y, z"""
 LIMIT: Color = (230, 150, 60)
 """limits: of the band of pixels that is looked at; of one sigma"""
 CENTER: Color = (255, 255, 255)

@@ -92,27 +92,27 @@ def row(circles: Sequence[CircleResult]) -> tuple[str, ...]:
     pose = circle.pose
     if pose is None:
         return (f"{circle.instance}", "", "", "", "", choice(circle))
-    each = "" if pose.sigma_mm is None else _vector(pose.sigma_mm, significant=2)
+    each = "" if pose.sigma_mm is None else vector(pose.sigma_mm, significant=2)
     turn = "" if pose.sigma_deg is None else f"{pose.sigma_deg:.2g} deg"
     return (f"{circle.instance}", center(pose), normal(pose, most=4), each, turn, choice(circle))
 
 
 def center(pose: Candidate) -> str:
     """Return the center, mm, with two digits of its largest standard deviation."""
-    return _vector(pose.center, decimals=_decimals(None if pose.sigma_mm is None else float(pose.sigma_mm.max())))
+    return vector(pose.center, decimals=decimals(None if pose.sigma_mm is None else float(pose.sigma_mm.max())))
 
 
 def normal(pose: Candidate, most: int = 5) -> str:
     """Return the normal with two digits of its standard deviation, or `most` decimals."""
     sigma = None if pose.sigma_deg is None else math.radians(pose.sigma_deg)
-    return _vector(pose.normal, decimals=max(3, _decimals(sigma, usual=3, most=most)))
+    return vector(pose.normal, decimals=max(3, decimals(sigma, usual=3, most=most)))
 
 
 def sigmas(pose: Candidate) -> str:
     """Return the standard deviations of a pose, or why there are none."""
     if pose.sigma_mm is None or pose.sigma_deg is None:
         return "sigma unknown"
-    return f"sigma {_vector(pose.sigma_mm, significant=2)} mm, {pose.sigma_deg:.2g} deg"
+    return f"sigma {vector(pose.sigma_mm, significant=2)} mm, {pose.sigma_deg:.2g} deg"
 
 
 def counted(number: int, noun: str) -> str:
@@ -144,13 +144,15 @@ def _pose(pose: Candidate) -> tuple[str, ...]:
     return (f"center {center(pose)} mm", f"normal {normal(pose)}", sigmas(pose))
 
 
-def _decimals(sigma: float | None, usual: int = 2, most: int = 4) -> int:
+def decimals(sigma: float | None, usual: int = 2, most: int = 4) -> int:
+    """Return how many decimals show two digits of `sigma`, up to `most`; `usual` where it is not known."""
     if sigma is None or not sigma > 0.0 or not math.isfinite(sigma):
         return usual
     return int(np.clip(1 - math.floor(math.log10(sigma)), 0, most))
 
 
-def _vector(values: FloatArray, *, decimals: int = 0, significant: int | None = None) -> str:
+def vector(values: FloatArray, *, decimals: int = 0, significant: int | None = None) -> str:
+    """Return numbers (n,) in parentheses, with as many decimals, or significant digits."""
     if significant is not None:
         return f"({', '.join(f'{value:.{significant}g}' for value in values.tolist())})"
     return f"({', '.join(f'{value + 0.0:.{decimals}f}' for value in values.tolist())})"
