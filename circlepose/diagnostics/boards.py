@@ -9,7 +9,11 @@ from scipy.spatial import cKDTree
 
 from circlepose._typing import FloatArray
 from circlepose.board_result import BoardCircleFit, BoardResult
+from circlepose.camera.camera import Camera
 from circlepose.results import CircleResult, ImageResult
+
+_STEP = 0.05
+"""Radii; of difference quotients."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,6 +43,18 @@ class BoardView:
         distances = np.asarray(cKDTree(self.centers_mm).query(self.centers_mm, k=2)[0])
         return float(np.median(distances[:, 1]))
 
+    @property
+    def side(self) -> float:
+        """-1 for a board whose z axis points to the viewer, who has its x axis the other way, or else 1."""
+        pose = self.board.pose
+        middle = pose.translation + pose.rotation @ self.centers_mm.mean(axis=0)
+        return 1.0 if float(pose.rotation[:, 2] @ middle) >= 0.0 else -1.0
+
+    def worst(self, number: int) -> list[int]:
+        """Return up to `number` circles, those first that misfit the most in standard deviations of their rims."""
+        sigmas = {i: fit.sigmas for i, fit in enumerate(self.fits) if fit is not None}
+        return sorted(sigmas, key=lambda i: -sigmas[i])[:number]
+
     def extreme(self, among: list[int]) -> list[int]:
         """Return which of the circles `among` are the farthest along the diagonals of the board: four, or fewer."""
         if not among:
@@ -57,3 +73,37 @@ def board_views(result: ImageResult) -> tuple[BoardView, ...]:
         centers = np.array([circle.candidates[board.chosen].center for circle in own]).reshape(-1, 3)
         views.append(BoardView(board, own, (centers - board.pose.translation) @ board.pose.rotation))
     return tuple(views)
+
+
+def front_mm(view: BoardView) -> FloatArray:
+    """Return the places (n, 2) of a board's circles in its plane, mm, as the viewer has them: x right, y down."""
+    return view.centers_mm[:, :2] * [view.side, 1.0]
+
+
+def residuals_mm(view: BoardView, camera: Camera) -> tuple[FloatArray, FloatArray]:
+    """Return the residuals of the circles on the board.
+
+    Parameters
+    ----------
+    view
+        The board.
+    camera
+        Of the image that was measured.
+
+    Returns
+    -------
+    The residuals (n, 2) in mm and in the axes of `front_mm`, NaN for circles that were not seen; and how large a mm
+    of the board is at each circle (n,), px.
+    """
+    pose = view.board.pose
+    centers = pose.translation + view.centers_mm @ pose.rotation.T
+    step = _STEP * view.radii_mm[:, None]
+    axes = pose.rotation[:, :2].T * np.array([[view.side], [1.0]])
+    ends = [(camera.project(centers + step * axis), camera.project(centers - step * axis)) for axis in axes]
+    jacobian = np.stack([(after - before) / (2.0 * step) for after, before in ends], axis=-1)
+    determinant = np.abs(np.linalg.det(jacobian))
+    found = np.full((len(view.circles), 2), np.nan)
+    for i, fit in enumerate(view.fits):
+        if fit is not None and determinant[i] > 0.0:
+            found[i] = np.linalg.solve(jacobian[i], fit.residual_px)
+    return found, np.sqrt(determinant)

@@ -66,6 +66,10 @@ class Explanation:
         """How many contours were not used, by reason."""
         return self.result.rejected
 
+    def named(self, circle: str | None) -> tuple[ExplainedCircle, ...]:
+        """Return the circles of this name; None for all."""
+        return tuple(each for each in self.circles if circle is None or each.result.circle == circle)
+
 
 def explain(
     image: Image,

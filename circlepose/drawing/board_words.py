@@ -76,7 +76,7 @@ def marks(board: BoardResult) -> str:
 def rms_px(board: BoardResult) -> str:
     """Return the rms distance of the rims' centers from the pose, px."""
     rms = board.pose.rms_px
-    return f"{rms:.2g}" if rms < 10.0 else f"{rms:.0f}"
+    return f"{rms:.{words.decimals(rms)}f}"
 
 
 def sentences(boards: Sequence[BoardResult]) -> tuple[str, ...]:

@@ -41,8 +41,10 @@ class Pen:
         """Draw lines through image points (n, 2), leaving out those that are NaN."""
         polylines(self.canvas, [self.at(path) for path in paths], color, max(1, round(units * self.unit)))
 
-    def arrow(self, tail: FloatArray, head: FloatArray, color: Color, units: float) -> None:
-        """Draw an arrow between two image points (2,) with a shadow that parts it from the background."""
+    def arrow(
+        self, tail: FloatArray, head: FloatArray, color: Color, units: float, *, has_shadow: bool = True
+    ) -> None:
+        """Draw an arrow between two image points (2,), by default with a shadow that parts it from the background."""
         if not np.all(np.isfinite([tail, head])):
             return
         along = head - tail
@@ -55,8 +57,9 @@ class Pen:
             back = along / length * tip
             side = 0.42 * np.array([-back[1], back[0]])
             shape.append(np.stack([head - back + side, head, head - back - side]))
-        for shade, extra in ((SHADOW, _SHADOW_UNITS), (color, 0.0)):
-            self.lines(shape, shade, units + extra)
+        if has_shadow:
+            self.lines(shape, SHADOW, units + _SHADOW_UNITS)
+        self.lines(shape, color, units)
 
     def cross(self, center: FloatArray, reach_px: float) -> None:
         """Draw a white cross at an image point (2,), that reaches `reach_px` of the image, or less."""

@@ -11,7 +11,8 @@ from circlepose._typing import FloatArray, Image
 from circlepose.camera.camera import Camera, circle_contour
 from circlepose.diagnostics.explain import ExplainedCircle, Explanation, camera_of, rim_places, segments_left_out
 from circlepose.diagnostics.residuals import LevelResiduals, edge_offsets
-from circlepose.drawing import words
+from circlepose.drawing import board_words, words
+from circlepose.drawing.board_explanation import draw_board_explanation
 from circlepose.drawing.canvas import polylines
 from circlepose.drawing.display import boxes_around, displayed
 from circlepose.drawing.heading import Heading, LegendItem
@@ -52,19 +53,24 @@ _TINT = 0.55
 _SEGMENT_PX = 6.0
 
 
-def draw_explanation(image: Image, explanation: Explanation, camera: Camera) -> Image:
+def draw_explanation(image: Image, explanation: Explanation, camera: Camera, *, circle: str | None = None) -> Image:
     """Return a picture (h, w, 3), BGR uint8, of what the poses of the first few circles are based on.
 
-    `image` is the one that was explained, `camera` the one that it was explained with. Without a circle it is the
-    picture that `draw_overlay` makes.
+    `image` is the one that was explained, `camera` the one that it was explained with. Of boards it is the plane of
+    the board with the residuals of its circles, unless `circle` is the name of one of them. Without a circle it is
+    the picture that `draw_overlay` makes.
     """
     camera = camera_of(explanation.result, camera)
-    shown = explanation.circles[:MOST_CIRCLES]
+    if explanation.result.boards and circle is None:
+        return draw_board_explanation(explanation.result, camera)
+    named = explanation.named(circle)
+    shown = named[:MOST_CIRCLES]
     if not shown:
         return draw_overlay(image, explanation.result, camera)
     base, remark = displayed(image, boxes_around(circle.result.ellipse for circle in shown))
-    number = len(explanation.circles)
-    sentences = [words.summary(explanation.result.circles)]
+    number = len(named)
+    boards = explanation.result.boards
+    sentences = [*(board_words.sentences(boards) if boards else [words.summary(explanation.result.circles)])]
     if number > len(shown):
         sentences.append(f"the first {len(shown)} of {number} circles")
     sentences.append(

@@ -185,6 +185,15 @@ class ExplainRequest:
             rich_help_panel=Group.OUTPUT,
         ),
     ] = None
+    circle: Annotated[
+        str | None,
+        typer.Option(
+            "--circle",
+            metavar="NAME",
+            help="The one circle to write and draw, such as r0c3 of a board.",
+            rich_help_panel=Group.OUTPUT,
+        ),
+    ] = None
     report_format: declared.Report = ReportFormat.TEXT
     overwrite: declared.Overwrite = False
     quiet: declared.Quiet = False

@@ -20,6 +20,7 @@ from circlepose_cli.options.parse import with_options_named
 from circlepose_cli.options.requests import ExplainRequest
 from circlepose_cli.options.setup import Setup, Setups
 from circlepose_cli.output.destination import open_output
+from circlepose_cli.reports.explain.boards import listed
 from circlepose_cli.reports.explain.record import report_record
 from circlepose_cli.reports.explain.text import INDENT, report_text
 
@@ -34,6 +35,9 @@ def run(request: ExplainRequest) -> int:
         lambda _, setup: _print_notes(request, setup),
         force_calibration=request.stages.force_calibration,
     ).for_image(image.path)
+    if request.circle is not None and request.circle not in setup.target.circle_names:
+        names = listed(setup.target.circle_names)
+        raise UsageError(f"--circle: expected a circle of the target ({names}), got {request.circle!r}.")
     outputs = Outputs([request.picture])
     outputs.refuse(image.path, "the image to explain")
     outputs.refuse(setup.camera_file.path, "the calibration")
@@ -48,13 +52,13 @@ def run(request: ExplainRequest) -> int:
     if request.picture is not None:
         from circlepose.drawing.explanation import draw_explanation  # noqa: PLC0415 - drawing is rarely asked for
 
-        drawn = draw_explanation(pixels, explanation, camera)
+        drawn = draw_explanation(pixels, explanation, camera, circle=request.circle)
         write_image(request.picture, drawn, drawn=True, overwrite=request.overwrite)
     with open_output(None) as handle:
         if request.report_format is ReportFormat.JSON:
             handle.write(json_records.dumps(report_record(explanation)) + "\n")
         else:
-            report = report_text(explanation, f"{setup.camera_file.path}", setup.target_origin)
+            report = report_text(explanation, f"{setup.camera_file.path}", setup.target_origin, request.circle)
             handle.write(fitted(report, handle, INDENT) + "\n")
     return 0 if explanation.result.status is Status.OK else FAILED
 

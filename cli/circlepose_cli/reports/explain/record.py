@@ -9,6 +9,7 @@ from circlepose.diagnostics.explain import ExplainedCircle, Explanation, segment
 from circlepose.diagnostics.residuals import LevelResiduals
 from circlepose.io.tables.json_records import image_record
 from circlepose.solvers.mirror_view import MirrorView
+from circlepose_cli.reports.explain.boards import board_records
 from circlepose_cli.reports.explain.poses import dominating, mirror_view_of
 
 SCHEMA = "circlepose.explain/1"
@@ -19,6 +20,8 @@ def report_record(explanation: Explanation) -> dict[str, Any]:
     return {
         "schema": SCHEMA,
         **image_record(explanation.result),
+        # Only of boards, so that what else is written is as it was.
+        **({"boards": board_records(explanation.result.boards)} if explanation.result.boards else {}),
         "contours": explanation.contours,
         "rejected": dict(explanation.rejected),
         "stages": [

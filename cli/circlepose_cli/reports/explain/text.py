@@ -6,11 +6,13 @@ import math
 from collections.abc import Iterator
 
 from circlepose.detection.contour import mix_in_words
+from circlepose.diagnostics.boards import board_views
 from circlepose.diagnostics.explain import ExplainedCircle, Explanation, segments_left_out
 from circlepose.diagnostics.residuals import LevelResiduals
 from circlepose.io.text.escaping import printable
 from circlepose.measurement.rim import EdgeRim, FittedRim
 from circlepose.results import SETTLED_BY_MEANING, CircleResult
+from circlepose_cli.reports.explain.boards import board_rows
 from circlepose_cli.reports.explain.poses import (
     cue_lines,
     mirror_view_of,
@@ -27,8 +29,12 @@ _EVEN = 1.5
 _UNEQUAL = 0.05
 
 
-def report_text(explanation: Explanation, camera: str, target: str) -> str:
-    """Return the report in plain words; `camera` and `target` are where these came from."""
+def report_text(explanation: Explanation, camera: str, target: str, circle: str | None = None) -> str:
+    """Return the report in plain words; `camera` and `target` are where these came from.
+
+    Of boards it has a line for each circle, unless `circle` is the name of one; else all that is known of that one,
+    or of each.
+    """
     result = explanation.result
     width, height = result.image_size or (0, 0)
     rows: list[tuple[str, str | None]] = [
@@ -39,9 +45,14 @@ def report_text(explanation: Explanation, camera: str, target: str) -> str:
         ("contours", f"{explanation.contours} worth a pose; {sum(explanation.rejected.values())} not used"),
     ]
     rows += [("", f"{number:6d}  {reason}") for reason, number in explanation.rejected.items()]
-    for circle in explanation.circles:
-        rows += [("", None), *_circle_rows(circle, refine=explanation.refine)]
-        rows += view_rows(mirror_view_of(circle.result, explanation.circles))
+    boards = board_views(result)
+    for view in boards:
+        rows += [("", None), *board_rows(view, has_table=circle is None)]
+    if circle is not None and not explanation.named(circle):
+        rows += [("", None), (circle, "was not seen")]
+    for each in explanation.named(circle) if circle is not None or not boards else ():
+        rows += [("", None), *_circle_rows(each, refine=explanation.refine)]
+        rows += view_rows(mirror_view_of(each.result, explanation.circles))
     return "\n".join(
         f"{name:<{INDENT}}{printable(words)}".rstrip() if words is not None else ""
         for name, words in rows
