@@ -48,6 +48,8 @@ class DrawnBoards:
     """of the axes"""
     has_other: bool
     """whether the z axis of another pose is drawn"""
+    is_z_away: bool
+    """whether all z axes point away from the viewer; those of a list may not"""
 
 
 def draw_boards(pen: Pen, room: Room, views: Sequence[BoardView], camera: Camera) -> DrawnBoards:
@@ -81,7 +83,13 @@ def draw_boards(pen: Pen, room: Room, views: Sequence[BoardView], camera: Camera
         tips += _draw_axes(pen, room, view, camera, length)
     has_other = any(board_words.is_doubtful(view.board) and len(view.board.candidates) > 1 for view in views)
     return DrawnBoards(
-        frozenset(colors), tuple(names), tuple(corners), tuple(tips), tuple(lengths), has_other=has_other
+        frozenset(colors),
+        tuple(names),
+        tuple(corners),
+        tuple(tips),
+        tuple(lengths),
+        has_other=has_other,
+        is_z_away=all(view.side > 0.0 for view in views),
     )
 
 
@@ -108,11 +116,12 @@ def legend(drawn: DrawnBoards) -> tuple[LegendItem, ...]:
     items = [LegendItem("dashes" if color == UNUSED else "line", color, words) for color, words in rims.items()]
     items = [item for item in items if item.color in drawn.colors]
     long = sorted({f"{length:.4g}" for length in drawn.lengths_mm}, key=float)
+    away = ", away from the viewer" if drawn.is_z_away else ""
     said = f"; axes {long[0]} mm long" if len(long) == 1 else ""
     names = (
         "x axis",
         "y axis",
-        f"z axis, away from the viewer{said}",
+        f"z axis{away}{said}",
     )
     items += [LegendItem("thin arrow", color, name) for color, name in zip(AXES, names, strict=True)]
     if drawn.has_other:

@@ -97,6 +97,8 @@ def test_the_legend_says_what_is_drawn_and_nothing_else(full: tuple[Image, Image
     drawn, _, _ = drawn_of(full[1])
     said = [item.words for item in board_overlay.legend(drawn)]
     assert said == ["rim by the board's pose", "x axis", "y axis", "z axis, away from the viewer; axes 60 mm long"]
+    towards = board_overlay.legend(replace(drawn, is_z_away=False))
+    assert towards[-1].words == "z axis; axes 60 mm long"
 
 
 def test_an_ambiguous_board_shows_the_other_pose(full: tuple[Image, ImageResult]) -> None:

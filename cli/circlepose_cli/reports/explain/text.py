@@ -49,7 +49,7 @@ def report_text(explanation: Explanation, camera: str, target: str, circle: str 
     for view in boards:
         rows += [("", None), *board_rows(view, has_table=circle is None)]
     if circle is not None and not explanation.named(circle):
-        rows += [("", None), (circle, "was not seen")]
+        rows += [("", None), (circle, "was not seen" if boards else "was not measured")]
     for each in explanation.named(circle) if circle is not None or not boards else ():
         rows += [("", None), *_circle_rows(each, refine=explanation.refine)]
         rows += view_rows(mirror_view_of(each.result, explanation.circles))
