@@ -21,6 +21,9 @@ class BoardTerms:
     """error of the focal length and the principal point; the same error in every image of the camera"""
     radius: FloatArray | None = None
     """error of the layout's scale; the same error in every image of the board"""
+    camera_moves: FloatArray | None = None
+    """(6, 3) how the pose moves with one standard deviation of the focal length, of the principal point's x and of
+    its y; `camera` is `camera_moves @ camera_moves.T`"""
 
     @property
     def total(self) -> FloatArray:

@@ -43,6 +43,9 @@ class CovarianceTerms:
     """error of the focal length and the principal point; the same error in every image of the camera"""
     radius: FloatArray | None = None
     """error of the radius; the same error in every image of the target"""
+    camera_moves: FloatArray | None = None
+    """(5, 3) how the pose moves with one standard deviation of the focal length, of the principal point's x and of
+    its y; `camera` is `camera_moves @ camera_moves.T`. Poses by one camera move together, each by its own moves"""
 
     @property
     def total(self) -> FloatArray:

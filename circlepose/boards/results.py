@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from circlepose._typing import FloatArray, Image
+from circlepose._typing import Image
 from circlepose.board_result import BoardCircleFit, BoardPose, BoardResult
 from circlepose.boards.constellation import Sighting
 from circlepose.boards.fit import BoardFit
@@ -18,12 +18,14 @@ from circlepose.boards.pose import BoardRims, circle_derivatives, circles_at
 from circlepose.boards.refinement import FoundBoard, Scene
 from circlepose.boards.uncertainty import board_terms
 from circlepose.camera.camera import Camera
+from circlepose.geometry.cone import plane_basis
 from circlepose.geometry.cone_perturbation import MODES
 from circlepose.geometry.ellipse import Ellipse
 from circlepose.measurement.rim import Rim
 from circlepose.results import Candidate, CircleResult, CovarianceTerms, Flag, SettledBy, Status
 from circlepose.targets.board import BoardLayout
 from circlepose.targets.target import Target
+from circlepose.uncertainty.systematic import radius_term
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,11 +87,12 @@ def measure_boards(
         reason = matches.refusals[0] if matches.refusals else f"none of {len(solved)} circles fit the layout together"
         return MeasuredBoards((), tuple(lone), Status.LAYOUT_MISMATCH, reason)
     boards, circles = [], []
+    relative = target.radius_sigma_mm / target.radii_mm[0]
     for number, board in enumerate(matches.boards):
         own_rims = scene.board_rims(board.layout, board.members, board.circles)
-        result = _board_result(number, board, own_rims, camera, target, options)
+        result = _board_result(number, board, own_rims, camera, relative, options)
         boards.append(result)
-        circles += _circles(result, board, [lone[solved[i]] for i in board.members.tolist()], camera)
+        circles += _circles(result, board, [lone[solved[i]] for i in board.members.tolist()], camera, relative)
     status, reason = Status.OK, ""
     if target.count is not None and len(boards) < target.count:
         status = Status.TOO_FEW_CIRCLES
@@ -98,9 +101,8 @@ def measure_boards(
 
 
 def _board_result(
-    number: int, board: FoundBoard, rims: BoardRims, camera: Camera, target: Target, options: BoardOptions
+    number: int, board: FoundBoard, rims: BoardRims, camera: Camera, relative: float, options: BoardOptions
 ) -> BoardResult:
-    relative = target.radius_sigma_mm / target.radii_mm[0]
     candidates = tuple(
         _board_pose(fit, rms_px, rims, camera, relative) for fit, rms_px in zip(board.fits, board.rms_px, strict=True)
     )
@@ -138,7 +140,7 @@ def _board_pose(fit: BoardFit, rms_px: float, rims: BoardRims, camera: Camera, r
 
 
 def _circles(
-    result: BoardResult, board: FoundBoard, measured: Sequence[CircleResult], camera: Camera
+    result: BoardResult, board: FoundBoard, measured: Sequence[CircleResult], camera: Camera, relative: float
 ) -> list[CircleResult]:
     """Return each circle of a board's layout by the board's pose, with what its own rim says where it was seen."""
     layout = board.layout
@@ -146,7 +148,8 @@ def _circles(
     used = dict(zip(board.circles.tolist(), board.fits[0].used.tolist(), strict=True))
     every = _all_rims(layout)
     candidates = [
-        _circle_candidates(every, fit, pose, camera) for fit, pose in zip(board.fits, result.candidates, strict=True)
+        _circle_candidates(every, fit, pose, camera, relative)
+        for fit, pose in zip(board.fits, result.candidates, strict=True)
     ]
     settled = SettledBy.NONE if Flag.AMBIGUOUS in result.flags or len(board.fits) == 1 else SettledBy.JOINT_FIT
     circles = []
@@ -182,21 +185,32 @@ def _all_rims(layout: BoardLayout) -> BoardRims:
     )
 
 
-def _circle_candidates(rims: BoardRims, fit: BoardFit, pose: BoardPose, camera: Camera) -> list[Candidate]:
+def _circle_candidates(
+    rims: BoardRims, fit: BoardFit, pose: BoardPose, camera: Camera, relative: float
+) -> list[Candidate]:
+    """Return each circle by the board's pose; `relative` is the standard deviation of all lengths as a share."""
     centers, normals, _ = circles_at(rims, fit.pose)
     chains = circle_derivatives(rims, fit.pose)
     with np.errstate(all="ignore"):
         imaged = camera.project(centers)
     terms = pose.terms
 
-    def of(term: FloatArray | None, chain: FloatArray) -> FloatArray | None:
-        return None if term is None else chain @ term @ chain.T
-
     found = []
     for center, normal, chain, place in zip(centers, normals, chains, imaged, strict=True):
-        facing = normal if normal @ center <= 0.0 else -normal
-        image = chain @ terms.image @ chain.T
-        own = CovarianceTerms(image, of(terms.camera, chain), of(terms.radius, chain))
+        facing = normal
+        if normal @ center > 0.0:
+            facing = -normal
+            # The tilts turn another normal, towards other vectors.
+            turn = -np.stack(plane_basis(facing)) @ np.stack(plane_basis(normal)).T
+            chain[3:] = turn @ chain[3:]
+        moves = None if terms.camera_moves is None else chain @ terms.camera_moves
+        own = CovarianceTerms(
+            chain @ terms.image @ chain.T,
+            camera=None if moves is None else moves @ moves.T,
+            # The layout grows with its distance, so that each circle moves along its own line of sight.
+            radius=None if terms.radius is None else radius_term(center, relative),
+            camera_moves=moves,
+        )
         has_terms = terms.camera is not None or terms.radius is not None
         found.append(
             Candidate(center, facing, place, covariance=own.total, covariance_terms=own if has_terms else None)

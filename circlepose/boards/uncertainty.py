@@ -12,7 +12,7 @@ from circlepose._typing import FloatArray
 from circlepose.board_result import BoardTerms
 from circlepose.boards.pose import FREE, BoardRims, RigidPose, circle_derivatives, circles_at
 from circlepose.camera.camera import EXACT, Camera
-from circlepose.uncertainty.systematic import rim_slopes
+from circlepose.uncertainty.systematic import camera_deviations, rim_slopes
 
 _MOST_RIMS = 60
 """Rims of a board that the camera's errors are followed through; the others move alike; cost."""
@@ -37,14 +37,17 @@ def board_terms(
         Standard deviation of all its lengths together, as a share.
     """
     moved = np.array([*pose.translation, 0.0, 0.0, 0.0]) * relative_sigma
+    moves = None if camera.sigma == EXACT else _camera_moves(camera, rims, pose)
     return BoardTerms(
         image=image,
-        camera=None if camera.sigma == EXACT else _camera_term(camera, rims, pose),
+        camera=None if moves is None else np.asarray(moves @ moves.T),
         radius=None if relative_sigma == 0.0 else np.outer(moved, moved),
+        camera_moves=moves,
     )
 
 
-def _camera_term(camera: Camera, rims: BoardRims, pose: RigidPose) -> FloatArray:
+def _camera_moves(camera: Camera, rims: BoardRims, pose: RigidPose) -> FloatArray:
+    """Return how the pose moves (6, 3) with one standard deviation of each parameter of the camera."""
     every = -(-len(rims) // _MOST_RIMS)
     some = rims[np.arange(0, len(rims), every)]
     centers, normals, radii = circles_at(some, pose)
@@ -58,7 +61,4 @@ def _camera_term(camera: Camera, rims: BoardRims, pose: RigidPose) -> FloatArray
     distance = max(float(np.linalg.norm(pose.translation)), 1e-9)
     scale = np.array([distance] * 3 + [1.0] * (FREE - 3))
     solved = np.linalg.lstsq(np.concatenate(by_pose) * scale, np.concatenate(by_camera), rcond=None)[0]
-    slopes = -solved * scale[:, None]
-    relative = camera.sigma.focal_px / float(np.sqrt(camera.camera_matrix[0, 0] * camera.camera_matrix[1, 1]))
-    scaled = slopes * np.array([relative, camera.sigma.center_px, camera.sigma.center_px])
-    return np.asarray(scaled @ scaled.T)
+    return np.asarray(-solved * scale[:, None] * camera_deviations(camera))

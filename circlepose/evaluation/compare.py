@@ -9,7 +9,14 @@ from typing import Literal
 
 from circlepose.errors import ArgumentError
 from circlepose.evaluation import CandidateChoice
-from circlepose.evaluation.matching import PoseTable, TabledCircle, TabledPose, pair_circles, with_common_names
+from circlepose.evaluation.matching import (
+    PoseTable,
+    Quaternion,
+    TabledCircle,
+    TabledPose,
+    pair_circles,
+    with_common_names,
+)
 from circlepose.results import Status
 
 Change = Literal["missing", "extra", "status", "flipped", "moved"]
@@ -89,7 +96,8 @@ def compare(
     Parameters
     ----------
     measured
-        A table of poses.
+        A table of poses of circles, or of boards. Of boards the origins and the rotations are compared, as they are:
+        a roll that the layout leaves open is not looked for.
     reference
         Another one, or a truth. A truth holds for every method; if it shares no circle's name with `measured`,
         circles are matched by their centers alone.
@@ -99,7 +107,14 @@ def compare(
     candidate
         `chosen` compares the chosen candidate. `best` compares that nearest to the reference: for lone circles,
         whose ambiguity nothing in the image settles.
+
+    Raises
+    ------
+    ArgumentError
+        Where one table is of boards and the other of circles.
     """
+    if measured.of_boards != reference.of_boards:
+        raise ArgumentError("reference: one table is of boards, the other of circles; take two of one kind.")
     reference, notes = with_common_names(measured, reference)
     paired = pair_circles(measured, reference)
     distances = [_distance(circle, other, tolerance, candidate) for circle, other in paired.pairs]
@@ -144,8 +159,17 @@ def _between(pose: TabledPose, other: TabledPose, tolerance: Tolerance) -> _Dist
         # Unlike the arc cosine, exact for small angles.
         half = math.atan2(math.dist(pose.normal, other.normal), math.dist(pose.normal, (-x, -y, -z)))
         normal_deg = math.degrees(2.0 * half)
+    elif pose.rotation is not None and other.rotation is not None:
+        normal_deg = _turn_deg(pose.rotation, other.rotation)
     tolerances = max(_times(position_mm, tolerance.position_mm), _times(normal_deg, tolerance.normal_deg))
     return _Distance(position_mm, normal_deg, tolerances)
+
+
+def _turn_deg(first: Quaternion, second: Quaternion) -> float:
+    """Return the angle between two rotations; a quaternion and its opposite are the same."""
+    w, x, y, z = second
+    ends = math.dist(first, second), math.dist(first, (-w, -x, -y, -z))
+    return math.degrees(4.0 * math.atan2(min(ends), max(ends)))
 
 
 def _times(value: float | None, limit: float) -> float:

@@ -14,6 +14,8 @@ from circlepose._typing import FloatArray
 from circlepose.results import Status
 
 Vector: TypeAlias = tuple[float, float, float]
+Quaternion: TypeAlias = tuple[float, float, float, float]
+"""w, x, y, z of a rotation, unit"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,12 +24,14 @@ class TabledPose:
 
     center_mm: Vector | None
     normal: Vector | None
-    """unit vector"""
+    """unit vector; None of a board"""
+    rotation: Quaternion | None = None
+    """of a board, whose origin is `center_mm`"""
 
 
 @dataclass(frozen=True, slots=True)
 class TabledCircle:
-    """One circle of one image, by one method."""
+    """One circle of one image, by one method; or one board, without a name and a method."""
 
     image: str
     instance: int | None
@@ -54,6 +58,8 @@ class PoseTable:
     image_status: Mapping[str, str]
     """of images with a row of their own, which says why there are no circles or too few"""
     is_truth: bool = False
+    of_boards: bool = False
+    """whether its rows are boards"""
 
     @property
     def images(self) -> tuple[str, ...]:

@@ -14,6 +14,8 @@ _TAIL_BYTES = 65536
 _CSV_HEADERS = (
     b"image,instance,circle,method,solution,",
     b"image,instance,circle,radius_mm,center_x_mm,",
+    b"image,instance,solution,chosen,status,x_mm,",
+    b"image,first,second,distance_mm,sigma_mm,",
     b"Method,Image,Circle center position,",
     b"Scene,Candidate,UN,TV,GCC",
     b"Method,Source,Image,",
@@ -27,6 +29,13 @@ _RESULT_COLUMNS = frozenset(
         "sigma_y_mm",
         "sigma_z_mm",
         "sigma_normal_deg",
+        "sigma_rx_deg",
+        "sigma_ry_deg",
+        "sigma_rz_deg",
+        "circles_used",
+        "circles_in_layout",
+        "sigma_mm",
+        "sigma_deg",
         "rim_used",
         "settled_by",
         "position_difference_mm",
@@ -38,6 +47,7 @@ _PNG = b"\x89PNG\r\n\x1a\n"
 _PNG_HEAD_BYTES = 33
 """of the signature and the chunk IHDR, which comes first"""
 _JPEG = b"\xff\xd8"
+_PARQUET_SCHEMAS = (b"circlepose.poses/", b"circlepose.boards/", b"circlepose.pairs/")
 _PDF_END = b"%circlepose\n"
 _DRAWN = b"circlepose picture"
 _RENDERED = b"circlepose render"
@@ -50,7 +60,11 @@ def bears_mark(path: Path) -> bool:
         if head.startswith((b"PAR1", b"%PDF")):
             handle.seek(max(0, path.stat().st_size - _TAIL_BYTES))
             tail = handle.read()
-            return tail.endswith(_PDF_END) if head.startswith(b"%PDF") else b"circlepose.poses/" in tail
+            return (
+                tail.endswith(_PDF_END)
+                if head.startswith(b"%PDF")
+                else any(each in tail for each in _PARQUET_SCHEMAS)
+            )
     return is_marked(head)
 
 
@@ -72,11 +86,15 @@ def is_marked(head: bytes) -> bool:
 
 def _has_chosen_columns(head: bytes) -> bool:
     """Return whether the first line is the header of a table whose columns were chosen with --columns."""
-    from circlepose.io.tables.columns import COLUMNS  # noqa: PLC0415 - a signal may come while a module is imported
+    # A signal may come while a module is imported.
+    from circlepose.io.tables.board_rows import BOARD_COLUMNS  # noqa: PLC0415
+    from circlepose.io.tables.columns import COLUMNS  # noqa: PLC0415
+    from circlepose.io.tables.pair_rows import PAIR_COLUMNS  # noqa: PLC0415
 
     line, end, _ = head.partition(b"\n")
     names = set(line.decode("ascii", errors="replace").replace("\t", ",").split(","))
-    return bool(end) and names <= set(COLUMNS) and not names.isdisjoint(_RESULT_COLUMNS)
+    is_layout = any(names <= set(known) for known in (COLUMNS, BOARD_COLUMNS, PAIR_COLUMNS))
+    return bool(end) and is_layout and not names.isdisjoint(_RESULT_COLUMNS)
 
 
 def is_drawn(head: bytes) -> bool:

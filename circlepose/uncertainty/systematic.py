@@ -55,10 +55,14 @@ def camera_term(
     camera: Camera, center: FloatArray, normal: FloatArray, rims: Sequence[tuple[float, float]]
 ) -> FloatArray:
     """Return the covariance (5, 5) that `camera.sigma` gives a pose; see `camera_slopes`."""
-    slopes = camera_slopes(camera, center, normal, rims)
+    moves = camera_slopes(camera, center, normal, rims) * camera_deviations(camera)
+    return np.asarray(moves @ moves.T)
+
+
+def camera_deviations(camera: Camera) -> FloatArray:
+    """Return the standard deviations (3,) of the focal length, as a share, and of the principal point, px."""
     relative = camera.sigma.focal_px / float(np.sqrt(camera.camera_matrix[0, 0] * camera.camera_matrix[1, 1]))
-    scaled = slopes * np.array([relative, camera.sigma.center_px, camera.sigma.center_px])
-    return np.asarray(scaled @ scaled.T)
+    return np.array([relative, camera.sigma.center_px, camera.sigma.center_px])
 
 
 def camera_slopes(
@@ -123,10 +127,12 @@ def _with_terms(
     center, normal = candidate.center, candidate.normal
     rims = [rim for other in together if (rim := _rim_of(other, number, candidate)) is not None]
     relative = target.radius_sigma_mm / target.radii_mm[0]
+    moves = None if camera.sigma == EXACT else camera_slopes(camera, center, normal, rims) * camera_deviations(camera)
     terms = CovarianceTerms(
         image=candidate.covariance,
-        camera=None if camera.sigma == EXACT else camera_term(camera, center, normal, rims),
+        camera=None if moves is None else np.asarray(moves @ moves.T),
         radius=None if relative == 0.0 else radius_term(center, relative),
+        camera_moves=moves,
     )
     total = terms.total
     axis = principal_frame(_factor(candidate, circle)).rotation[:, 2]

@@ -80,7 +80,7 @@ def test_columns_are_those_named_in_their_order(run, folder):
         (["image", "--format", "jsonl"], "jsonl always has all keys"),
         (
             ["image", "--layout", "table1"],
-            "--columns: goes with --layout poses; table1 has the columns of its paper.",
+            "--columns: goes with --layout poses, boards or pairs; table1 has the columns of its paper.",
         ),
     ],
 )

@@ -24,6 +24,7 @@ from circlepose.studies.gcc import PARTS
 from circlepose.studies.published import TABLES_1_AND_2
 from circlepose.studies.scenes import cd_scenes
 from circlepose_cli.app import main
+from tests.support.board_results import board_folder, made_board, made_board_result
 from tests.support.discs import disc_folder, made_circle, made_result
 from tests.support.json_outputs import check_captured, documents, faults
 from tests.support.paths import ROOT
@@ -32,6 +33,8 @@ NAMES = schemas.names()
 SAMPLES = ROOT / "sample_images"
 COMMANDS = {
     "circlepose.poses/1": ["estimate", "-q", "{imgs}", "--camera-sigma", "1,1", "--format", "json"],
+    "circlepose.boards/1": ["estimate", "-q", "{boards}", "--camera-sigma", "1,1", "--format", "json"],
+    "circlepose.pairs/1": ["estimate", "-q", "{boards}", "--layout", "pairs", "--format", "json"],
     "circlepose.table1/1": ["estimate", "-q", "{imgs}", "--method", "all", "--layout", "table1", "--format", "json"],
     "circlepose.table2/1": [
         "estimate",
@@ -84,6 +87,7 @@ def outputs(tmp_path_factory):
     folder = tmp_path_factory.mktemp("schemas")
     places = {
         "imgs": disc_folder(folder / "imgs"),
+        "boards": board_folder(folder / "boards", 1),
         "poses": folder / "poses.csv",
         "moved": folder / "moved.csv",
         "ring": SAMPLES / "coaxial" / "a.png",
@@ -195,6 +199,7 @@ def test_choices_are_those_of_the_program():
     circle = definitions["circle"]["properties"]
     assert definitions["status"]["enum"] == list(Status)
     assert circle["flags"]["items"]["enum"] == list(Flag)
+    assert schemas.schema("boards")["$defs"]["board"]["properties"]["flags"] == circle["flags"]
     assert circle["settled_by"]["enum"] == [*SettledBy, None]
     assert circle["cone"]["enum"] == [*ConeKind, None]
     assert circle["method"]["enum"] == list(METHODS)
@@ -218,7 +223,11 @@ def test_failures_are_as_the_schema_says(layout, data_format):
     ]
     unmeasured = replace(made_circle(), status=Status.NO_POSE, candidates=(), reason="why", cone=None, ellipse=None)
     handle = io.StringIO()
-    results = [*failed, made_result(unmeasured, image="b.png"), made_result(made_circle(), image="a.png")]
+    some = [
+        made_board_result(made_board(), made_board(1, ())),
+        replace(made_board_result(), status=Status.TOO_FEW_CIRCLES),
+    ]
+    results = [*failed, *some, made_result(unmeasured, image="b.png"), made_result(made_circle(), image="a.png")]
     write_results(results, handle, data_format=data_format, layout=layout)
     found = documents(handle.getvalue())
     assert len(found) == (1 if data_format == "json" else len(handle.getvalue().splitlines()))
@@ -246,6 +255,6 @@ def test_the_command_prints_the_schemas(capsys):
 @pytest.mark.parametrize("name", ["nope", "", "../poses", "poses-1.json", "é\n"])
 def test_a_name_without_a_schema_ends_with_a_sentence(capsys, name):
     assert main(["schema", name]) == 2
-    assert "no schema has this name; expected one of camera, check," in capsys.readouterr().err
+    assert "no schema has this name; expected one of boards, camera, check," in capsys.readouterr().err
     with pytest.raises(ArgumentError, match="no schema has this name"):
         schemas.schema(name)

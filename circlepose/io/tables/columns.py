@@ -52,10 +52,11 @@ COLUMN_MEANING: Mapping[str, str] = {
     "settled_by": "what settled the choice: vanishing_line, generatrix, joint_fit, common_plane, hint or none",
 }
 COLUMNS: tuple[str, ...] = tuple(COLUMN_MEANING)
-TEXT_COLUMNS = frozenset({"image", "circle", "method", "status", "cone", "flags", "settled_by"})
-WHOLE_NUMBER_COLUMNS = frozenset({"instance", "solution"})
-
-_DECIMALS = {name: 9 if name.startswith("normal_") else 4 if name.endswith("_px") else 6 for name in COLUMNS}
+TEXT_COLUMNS = frozenset({"image", "circle", "method", "status", "cone", "flags", "settled_by", "first", "second"})
+"""of all our layouts"""
+WHOLE_NUMBER_COLUMNS = frozenset({"instance", "solution", "circles_used", "circles_in_layout"})
+"""of all our layouts"""
+QUATERNION = ("qw", "qx", "qy", "qz")
 
 
 def pose_rows(result: ImageResult) -> Iterator[Row]:
@@ -128,8 +129,14 @@ def cell(column: str, value: object) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, float):
-        return fixed(value, _DECIMALS.get(column, 6))
+        return fixed(value, _decimals(column))
     return quoted(str(value))
+
+
+def _decimals(column: str) -> int:
+    if column.startswith("normal_") or column in QUATERNION:
+        return 9
+    return 4 if column.endswith("_px") else 6
 
 
 def fixed(value: float, decimals: int) -> str:

@@ -160,11 +160,6 @@ def _matrix(matrix: FloatArray | None) -> list[list[float]] | None:
     return None if matrix is None else matrix.tolist()
 
 
-def write_json(results: Iterable[ImageResult], handle: TextIO, *, chosen_only: bool = False) -> None:
-    """Write one document, an image a line: {"schema", "version", "images": [...]}."""
-    write_json_document(POSES_SCHEMA, "images", _records(chosen_only), results, handle)
-
-
 def write_json_document(
     schema: str,
     key: str,
@@ -172,7 +167,7 @@ def write_json_document(
     results: Iterable[ImageResult],
     handle: TextIO,
 ) -> None:
-    """Write one document whose `key` holds the records of all images, each record on its own line."""
+    """Write one document, a record a line: {"schema", "version", `key`: [the records of all images]}."""
     head = json.dumps({"schema": schema, "version": __version__})
     handle.write(f'{head[:-1]}, "{key}": [')
     separator = "\n"
@@ -187,22 +182,13 @@ def write_json_document(
         handle.flush()
 
 
-def write_jsonl(results: Iterable[ImageResult], handle: TextIO, *, chosen_only: bool = False) -> None:
-    """Write one object a line for each image, with the schema in each; flushed image by image."""
-    write_json_lines(POSES_SCHEMA, _records(chosen_only), results, handle)
-
-
-def _records(chosen_only: bool) -> Callable[[ImageResult], Iterable[Row]]:
-    return lambda result: [image_record(result, chosen_only=chosen_only)]
-
-
 def write_json_lines(
     schema: str,
     records_of: Callable[[ImageResult], Iterable[Row]],
     results: Iterable[ImageResult],
     handle: TextIO,
 ) -> None:
-    """Write the records of all images, one object a line."""
+    """Write the records of all images, one object a line with the schema in each; flushed image by image."""
     for result in results:
         for record in records_of(result):
             handle.write(dumps({"schema": schema, **record}) + "\n")

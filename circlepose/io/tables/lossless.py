@@ -17,7 +17,7 @@ import numpy as np
 
 from circlepose._typing import FloatArray, frozen
 from circlepose.geometry.ellipse import Ellipse
-from circlepose.results import CircleResult, ImageResult, Status
+from circlepose.results import BoardResult, CircleResult, ImageResult, Status
 
 T = TypeVar("T")
 
@@ -48,7 +48,31 @@ def restored_result(plain: object) -> ImageResult:
         raise ValueError(f"image_size: {result.image_size} is no size")
     for circle in result.circles:
         _check_circle(circle)
+    for board in result.boards:
+        _check_board(board)
     return result
+
+
+def _check_board(board: BoardResult) -> None:
+    if not 0 <= board.chosen < len(board.candidates) or board.instance < 0:
+        raise ValueError(f"chosen: there is no candidate {board.chosen} of board {board.instance}")
+    if not 0.0 <= board.ambiguity <= 1.0:
+        raise ValueError(f"ambiguity: {board.ambiguity} is no probability")
+    if not -1.0 < board.growth < math.inf:
+        raise ValueError(f"growth: {board.growth} is no share of a radius")
+    for pose in board.candidates:
+        _check_matrix("rotation", pose.rotation, 3)
+        if np.abs(pose.rotation @ pose.rotation.T - np.eye(3)).max() > _UNIT or np.linalg.det(pose.rotation) < 0.0:
+            raise ValueError(f"rotation: {pose.rotation.tolist()} is no rotation")
+        if pose.translation.shape != (3,) or not np.isfinite(pose.translation).all():
+            raise ValueError(f"translation: expected 3 finite numbers, got {pose.translation.tolist()}")
+        _check_matrix("covariance", pose.covariance, 6)
+        for term in (pose.terms.image, pose.terms.camera, pose.terms.radius):
+            if term is not None:
+                _check_matrix("terms", term, 6)
+    for circle in board.circles:
+        if circle.residual_px.shape != (2,):
+            raise ValueError(f"residual_px: expected 2 numbers, got {circle.residual_px.tolist()}")
 
 
 def _check_circle(circle: CircleResult) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Literal, TextIO
+from typing import TextIO
 
 import numpy as np
 
@@ -18,12 +18,11 @@ from circlepose.evaluation.matching import TabledPose
 from circlepose.io.tables import Layout, json_records
 from circlepose.io.tables import columns as tables
 from circlepose.io.tables.columns import Row
+from circlepose.io.tables.data_layouts import DataFormat, is_data_layout, write_data
 from circlepose.io.tables.reference import CircleKey, Reference
 from circlepose.io.tables.selection import EVERYTHING, Selection
 from circlepose.results import CircleResult, ImageResult
 from circlepose.solvers.fu_zhou_coaxial import generatrix_ends
-
-DataFormat = Literal["csv", "tsv", "json", "jsonl"]
 
 TABLE1_COLUMNS = (
     "Method",
@@ -172,17 +171,12 @@ def write_results(
 ) -> None:
     """Write all `results` to `handle` in one of the data formats and layouts; `reference` for `table2`.
 
-    Of `selection`, the columns hold for rows of the layout `poses`; JSON has all keys.
+    Of `selection`, the columns hold for rows of our own layouts; JSON has all keys.
     """
-    delimiter = "\t" if data_format == "tsv" else ","
-    if layout == "poses":
-        if data_format == "json":
-            json_records.write_json(results, handle, chosen_only=selection.chosen_only)
-        elif data_format == "jsonl":
-            json_records.write_jsonl(results, handle, chosen_only=selection.chosen_only)
-        else:
-            tables.write_csv_rows(selection.header, selection.pose_rows, results, handle, delimiter=delimiter)
+    if is_data_layout(layout):
+        write_data(results, handle, data_format=data_format, layout=layout, selection=selection)
         return
+    delimiter = "\t" if data_format == "tsv" else ","
     columns, rows_of = columns_and_rows(layout, reference, numbers=True)
     schema = f"circlepose.{layout}/1"
 

@@ -70,7 +70,10 @@ class Reference:
 def read_reference(path: Path) -> Reference:
     """Read a truth, or a table of poses, in any form that `check --against` takes; raises `UsageError`."""
     content = read_regular(str(path), UsageError, MAX_TABLE_BYTES)
-    return Reference.of(read_pose_file(content, str(path), truth_allowed=True).table)
+    table = read_pose_file(content, str(path), truth_allowed=True).table
+    if table.of_boards:
+        raise UsageError(f"{path}: is a table of boards; expected one of circles.")
+    return Reference.of(table)
 
 
 def _tabled(image: str, circle: CircleResult) -> TabledCircle:

@@ -1,4 +1,4 @@
-"""Tables of poses as rows of texts, whatever the form of the file."""
+"""Tables of poses, of circles or of boards, as rows of texts, whatever the form of the file."""
 
 from __future__ import annotations
 
@@ -12,8 +12,11 @@ from typing import Any, Literal
 
 from circlepose._arguments import shown
 from circlepose.errors import UsageError
+from circlepose.io.tables.board_records import BOARDS_SCHEMA
+from circlepose.io.tables.board_rows import BOARD_COLUMNS
 from circlepose.io.tables.columns import COLUMNS, csv_text
 from circlepose.io.tables.json_records import POSES_SCHEMA
+from circlepose.io.tables.pair_rows import PAIRS_SCHEMA
 from circlepose.io.text.escaping import unquoted
 from circlepose.io.text.validation import brief
 from circlepose.results import Status
@@ -41,8 +44,9 @@ def read_rows(content: bytes, name: str) -> tuple[Form, Sequence[str], list[Tabl
     text = _decoded(content, name)
     if text.lstrip().startswith(("{", "[")):
         form, images = _json_images(text, name)
-        columns: Sequence[str] = COLUMNS
-        rows = [row for where, image in images for row in _rows_of_image(where, image)]
+        kind = _KINDS[BOARDS_SCHEMA if _is_of_boards(images) else POSES_SCHEMA]
+        columns: Sequence[str] = kind.columns
+        rows = [row for where, image in images for row in _rows_of_image(where, image, kind)]
     else:
         first = text.partition("\n")[0]
         form = "tsv" if "\t" in first and "," not in first else "csv"
@@ -120,29 +124,50 @@ def _json_line(where: str, line: str) -> tuple[str, dict[str, Any]]:
 
 def _check_schema(document: object, where: str) -> None:
     schema = document.get("schema") if isinstance(document, dict) else None
-    if schema != POSES_SCHEMA:
+    if schema == PAIRS_SCHEMA:
+        raise UsageError(f"{where}: {PAIRS_OF_CIRCLES}")
+    if not isinstance(schema, str) or schema not in _KINDS:
         raise UsageError(f"{where}: schema: expected {POSES_SCHEMA!r}, got {shown(schema)}.")
 
 
-def _rows_of_image(where: str, image: object) -> Iterator[TableRow]:
+@dataclass(frozen=True, slots=True)
+class _Kind:
+    """What the images of a JSON hold."""
+
+    key: str
+    columns: tuple[str, ...]
+
+
+_KINDS = {POSES_SCHEMA: _Kind("circles", COLUMNS), BOARDS_SCHEMA: _Kind("boards", BOARD_COLUMNS)}
+PAIRS_OF_CIRCLES = "is of the layout pairs, without poses; expected the layout poses or boards."
+
+
+def _is_of_boards(images: Sequence[tuple[str, object]]) -> bool:
+    """Return whether JSON is of boards; its lines, or the document, have a known schema."""
+    return any(isinstance(image, dict) and "boards" in image for _, image in images)
+
+
+def _rows_of_image(where: str, image: object, kind: _Kind) -> Iterator[TableRow]:
     """Yield the rows that the CSV of an image has."""
     own = _object(where, "image", image)
-    circles = [_object(where, "circles", circle) for circle in _list(where, own, "circles")]
-    for circle in circles:
-        shared = {"image": own.get("image"), **circle}
-        solutions = _list(where, circle, "solutions")
+    # A board that is there has a pose; its circles may not have one.
+    usual = {"status": Status.OK} if kind.key == "boards" else {}
+    parts = [usual | _object(where, kind.key, part) for part in _list(where, own, kind.key)]
+    for part in parts:
+        shared = {"image": own.get("image"), **part}
+        solutions = _list(where, part, "solutions")
         for solution in solutions or [{}]:
-            yield TableRow(where, _cells(shared | _object(where, "solutions", solution)))
+            yield TableRow(where, _cells(shared | _object(where, "solutions", solution), kind))
     status = own.get("status")
-    if not circles or (status != Status.OK and all(circle.get("status") != status for circle in circles)):
-        yield TableRow(where, _cells({"image": own.get("image"), "status": status}))
+    if not parts or (status != Status.OK and all(part.get("status") != status for part in parts)):
+        yield TableRow(where, _cells({"image": own.get("image"), "status": status}, kind))
 
 
-def _cells(fields: Mapping[str, Any]) -> dict[str, str]:
+def _cells(fields: Mapping[str, Any], kind: _Kind) -> dict[str, str]:
     return {
         column: str(value).lower() if isinstance(value, bool) else unquoted(str(value))
         for column, value in fields.items()
-        if column in COLUMNS and value is not None
+        if column in kind.columns and value is not None
     }
 
 

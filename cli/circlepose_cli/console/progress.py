@@ -6,7 +6,7 @@ import sys
 import time
 import traceback
 from collections import Counter, deque
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import AbstractContextManager, closing, contextmanager
 from typing import TYPE_CHECKING
 
@@ -16,6 +16,7 @@ from circlepose.io.text.escaping import printable, redacted
 from circlepose.results import Flag, ImageResult, Status
 from circlepose.targets.target import Target
 from circlepose_cli.console import process
+from circlepose_cli.console.board_remarks import BoardTally
 from circlepose_cli.console.doubtful_radius import doubt
 from circlepose_cli.console.interruption import Interruption
 from circlepose_cli.options.parse import with_options_named
@@ -74,6 +75,7 @@ class Reporter:
         self._not_measured = 0
         self._is_radius_doubted = False
         self._is_plane_declared = False
+        self._boards = BoardTally()
         self.failures: Counter[str] = Counter()
         self._quiet = quiet
         self._verbose = verbose
@@ -110,10 +112,14 @@ class Reporter:
     def count(self, result: ImageResult) -> None:
         """Take note of one image."""
         status, reason = _outcome(result)
+        self._boards.count(result)
         if status is Status.OK:
             self.measured += 1
             targets = {circle.instance for circle in result.circles}
-            ambiguous = {circle.instance for circle in result.circles if Flag.AMBIGUOUS in circle.flags}
+            # What to do about boards is another matter.
+            ambiguous = {
+                circle.instance for circle in result.circles if Flag.AMBIGUOUS in circle.flags and not result.boards
+            }
             self._targets += len(targets)
             self._ambiguous += len(ambiguous)
             self._with_several += bool(ambiguous) and len(targets) > 1
@@ -171,6 +177,11 @@ class Reporter:
             # One piece, as threads speak here.
             print(f"{shown}\n", end="", file=sys.stderr, flush=True)
 
+    def notes(self, messages: Iterable[str]) -> None:
+        """Print a line for each message."""
+        for message in messages:
+            self.note(message)
+
     def detail(self, message: str) -> None:
         """Print a line, if --verbose."""
         if self._verbose:
@@ -209,6 +220,9 @@ class Reporter:
         if self._not_measured and not counted:
             circles = "circle was" if self._not_measured == 1 else "circles were"
             self.note(f"{self._not_measured} more {circles} found: --count all measures all")
+        if self._boards.number:
+            parts.insert(1, f"{self._boards.number} board{'' if self._boards.number == 1 else 's'}")
+        self.notes(self._boards.lines())
         self.note(", ".join(parts))
         if resumable:
             self.note("the same command with --resume measures only what is left")

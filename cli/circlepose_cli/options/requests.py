@@ -73,13 +73,15 @@ class EstimateRequest:
     ] = False
     output_format: declared.Format = None
     layout: Annotated[
-        Layout,
+        Layout | None,
         typer.Option(
             "--layout",
-            help="Rows: all candidate poses, Table I of Chen & Huang, or Tables 1, 2 of Fu & Zhou.",
+            help="Rows: poses of circles or of boards, distances of pairs of circles, Table I of Chen & Huang, or "
+            "Tables 1, 2 of Fu & Zhou. Default: boards for targets of kind board, else poses.",
+            show_default=False,
             rich_help_panel=Group.OUTPUT,
         ),
-    ] = "poses"
+    ] = None
     chosen_only: Annotated[
         bool,
         typer.Option(
@@ -254,7 +256,7 @@ class CheckRequest:
         typer.Option(
             "--position-mm",
             metavar="MM",
-            help="Tolerance of the center.",
+            help="Tolerance of the center, of a board its origin.",
             rich_help_panel=Group.COMPARISON,
         ),
     ] = 0.5
@@ -263,7 +265,7 @@ class CheckRequest:
         typer.Option(
             "--normal-deg",
             metavar="DEG",
-            help="Tolerance of the normal.",
+            help="Tolerance of the normal, of a board its rotation.",
             rich_help_panel=Group.COMPARISON,
         ),
     ] = 0.1

@@ -5,12 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from circlepose.io.tables.columns import Row, fixed
+from circlepose.io.tables.columns import QUATERNION, Row, fixed
 
 SIGMA_OF: Mapping[str, str] = {
     **{f"center_{axis}_mm": f"sigma_{axis}_mm" for axis in "xyz"},
     **{f"normal_{axis}": "sigma_normal_deg" for axis in "xyz"},
+    **{f"{axis}_mm": f"sigma_{axis}_mm" for axis in "xyz"},
+    **dict.fromkeys(("distance_mm", "sigma_mm"), "sigma_mm"),
+    **dict.fromkeys(("angle_deg", "sigma_deg"), "sigma_deg"),
     **{name: name for name in ("sigma_x_mm", "sigma_y_mm", "sigma_z_mm", "sigma_normal_deg")},
+    **{name: name for name in ("sigma_rx_deg", "sigma_ry_deg", "sigma_rz_deg")},
 }
 """column that says how many digits of another one hold"""
 _USUAL: Mapping[str, int] = {"mm": 3, "px": 2, "deg": 3}
@@ -25,6 +29,8 @@ def number_text(row: Row, column: str) -> str:
     value = row.get(column)
     if not isinstance(value, float):
         return "" if value is None else str(value)
+    if column in QUATERNION:
+        return fixed(value, quaternion_decimals(row))
     is_normal = column.startswith("normal_")
     usual = _USUAL_OF_NORMAL if is_normal else _USUAL.get(column.rpartition("_")[2], _USUAL_WITHOUT_UNIT)
     sigma = row.get(SIGMA_OF.get(column, ""))
@@ -33,6 +39,15 @@ def number_text(row: Row, column: str) -> str:
     if is_normal:
         return fixed(value, decimals(math.radians(sigma), usual))
     return fixed(value, decimals(sigma, usual))
+
+
+def quaternion_decimals(row: Row) -> int:
+    """Return how many decimals of a unit quaternion hold, by the standard deviations of its rotation."""
+    sigmas = [sigma for axis in "xyz" if isinstance(sigma := row.get(f"sigma_r{axis}_deg"), float)]
+    if len(sigmas) < 3:
+        return _USUAL_OF_NORMAL
+    # A turn by an angle changes the quaternion by half of it.
+    return decimals(0.5 * math.radians(min(sigmas)), _USUAL_OF_NORMAL)
 
 
 def decimals(sigma: float, usual: int = _USUAL["mm"]) -> int:

@@ -32,7 +32,7 @@ def pose_forms(rows: Sequence[Row]) -> tuple[Grid, ...]:
     rows = [{**row, "image": str(row["image"]).removeprefix(folder)} for row in rows]
     title = f"images in {shown(folder)}" if folder else ""
     wide = _wide(rows, title)
-    return wide, _headed(wide), _stacked(rows, title)
+    return wide, headed(wide), _stacked(rows, title)
 
 
 def chosen_columns_form(rows: Sequence[Row], columns: Sequence[str]) -> Grid:
@@ -86,13 +86,13 @@ def _wide(rows: Sequence[Row], title: str) -> Grid:
         texts = (
             *(shown(row.get(key)) for key in names.values()),
             *(cells[place] for cells in numbers.values()),
-            ", ".join(_remarks(row)),
+            ", ".join(remarks(row)),
         )
-        made.append(grid.Row(texts, *_styles(_state(row), colored)))
+        made.append(grid.Row(texts, *row_styles(row, colored)))
     return Grid(tuple(columns), grid.without_repeats(made, len(names)), title)
 
 
-def _headed(wide: Grid) -> Grid:
+def headed(wide: Grid) -> Grid:
     """Return the table `wide` with the images, its first column, on lines of their own."""
     rows = tuple(
         replace(
@@ -125,9 +125,9 @@ def _stacked(rows: Sequence[Row], title: str) -> Grid:
             new_label if is_new or new_label != label else "",
             "mm\nn" if any(cells) else "",
             *cells,
-            "\n".join(part for part in (", ".join(_remarks(row)), _doubt(row)) if part),
+            "\n".join(part for part in (", ".join(remarks(row)), doubt(row)) if part),
         )
-        style, styles = _styles(_state(row), (len(texts) - 1,))
+        style, styles = row_styles(row, (len(texts) - 1,))
         made.append(grid.Row(texts, style, styles, new_heading if is_new else ""))
         heading, label = new_heading, new_label
     return Grid(
@@ -155,12 +155,12 @@ def _center_sigma(row: Row) -> str:
     return fixed(sigma, decimals(sigma))
 
 
-def _doubt(row: Row) -> str:
+def doubt(row: Row) -> str:
     """Return the ambiguity of a chosen pose that is not certain and is not flagged, in one word."""
     ambiguity = row.get(_AMBIGUITY)
     if row.get("chosen") is False or not isinstance(ambiguity, float) or ambiguity < SURE:
         return ""
-    return "" if Flag.AMBIGUOUS in _remarks(row) else f"{_AMBIGUITY}={number_text(row, _AMBIGUITY)}"
+    return "" if Flag.AMBIGUOUS in remarks(row) else f"{_AMBIGUITY}={number_text(row, _AMBIGUITY)}"
 
 
 def _varies(rows: Sequence[Row], key: str) -> bool:
@@ -178,14 +178,16 @@ def _state(row: Row) -> str:
     return "doubtful" if is_doubtful else "ok"
 
 
-def _styles(state: str, colored: Sequence[int]) -> tuple[str, tuple[tuple[int, str], ...]]:
+def row_styles(row: Row, colored: Sequence[int]) -> tuple[str, tuple[tuple[int, str], ...]]:
     """Return the style of a row, and of its cells in the columns `colored`."""
+    state = _state(row)
     if state == "other":
         return _STYLES[state], ()
     return "", tuple((column, _STYLES[state]) for column in colored)
 
 
-def _remarks(row: Row) -> list[str]:
+def remarks(row: Row) -> list[str]:
+    """Return the flags of a chosen candidate, or why there is none."""
     if row["status"] != Status.OK:
         return [shown(row["status"])]
     return (

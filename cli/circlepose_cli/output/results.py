@@ -10,7 +10,8 @@ from circlepose.errors import UsageError
 from circlepose.io.atomic import is_replaceable_file
 from circlepose.io.remote.images import Place, RemoteFile
 from circlepose.io.tables import Layout
-from circlepose.io.tables.paper_layouts import DataFormat, write_results
+from circlepose.io.tables.data_layouts import DataFormat, is_data_layout, table_header
+from circlepose.io.tables.paper_layouts import write_results
 from circlepose.io.tables.reference import Reference
 from circlepose.io.tables.selection import EVERYTHING, Selection, read_columns
 from circlepose.results import ImageResult
@@ -76,14 +77,16 @@ def choose_rows(
     """Return the rows and columns asked for; raises `UsageError` where columns cannot be chosen."""
     if typed_columns is None:
         return Selection(chosen_only=chosen_only)
-    if layout != "poses":
-        raise UsageError(f"--columns: goes with --layout poses; {layout} has the columns of its paper.")
+    if not is_data_layout(layout):
+        raise UsageError(
+            f"--columns: goes with --layout poses, boards or pairs; {layout} has the columns of its paper."
+        )
     if output_format in (FormatChoice.JSON, FormatChoice.JSONL):
         raise UsageError(
             f"--columns: goes with csv, tsv, parquet and table; {output_format} always has all keys, "
             "which jq, for example, selects."
         )
-    return Selection(read_columns("--columns", typed_columns), chosen_only)
+    return Selection(read_columns("--columns", typed_columns, table_header(layout)), chosen_only)
 
 
 def write_output(
@@ -103,7 +106,8 @@ def write_output(
     elif output_format is FormatChoice.PARQUET:
         from circlepose.io.tables.parquet import write_parquet  # noqa: PLC0415 - few ask for it
 
-        write_parquet(results, handle, selection)  # type: ignore[arg-type]
+        assert is_data_layout(layout)
+        write_parquet(results, handle, selection, layout)  # type: ignore[arg-type]
     else:
         data_format = _DATA_FORMATS[output_format]
         write_results(

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from circlepose.errors import ArgumentError, UsageError
 from circlepose.evaluation.compare import CHANGE_MEANING, Comparison, Tolerance, compare
+from circlepose.evaluation.matching import PoseTable
 from circlepose.io.inputs.images import STDIN
 from circlepose.io.output_conflicts import Outputs
 from circlepose.io.tables.reader import PoseFile, read_pose_file
@@ -42,8 +43,13 @@ def run(request: CheckRequest) -> int:
     reference = read_pose_file(content, str(request.against), truth_allowed=True)
     if request.update:
         _refuse_update(measured, reference)
+    if measured.table.of_boards != reference.table.of_boards:
+        ours, theirs = ("boards", "circles") if measured.table.of_boards else ("circles", "boards")
+        raise UsageError(
+            f"--against: {reference.name} is of {theirs}, {measured.name} of {ours}; make both by one --layout."
+        )
     comparison = compare(measured.table, reference.table, tolerance, request.candidate)
-    outcome = _summary(comparison, tolerance)
+    outcome = _summary(comparison, tolerance, measured.table)
     if request.output_format is CheckFormat.GITHUB:
         _write_for_github(comparison, outcome, request)
     else:
@@ -121,12 +127,15 @@ def _update(measured: PoseFile, request: CheckRequest) -> None:
     # The baseline was read as a table of poses, whatever wrote it.
     with open_output(request.against, binary=True, overwrite=True) as handle:
         handle.write(measured.content)
-    _note(f"{request.against}: now holds {_circles(len(measured.table.circles))} of {measured.name}", request)
+    _note(
+        f"{request.against}: now holds {_counted(len(measured.table.circles), measured.table)} of {measured.name}",
+        request,
+    )
 
 
-def _summary(comparison: Comparison, tolerance: Tolerance) -> str:
+def _summary(comparison: Comparison, tolerance: Tolerance, measured: PoseTable) -> str:
     limits = f"{tolerance.position_mm:g} mm and {tolerance.normal_deg:g} deg"
-    parts = [f"{_circles(comparison.compared)} compared"]
+    parts = [f"{_counted(comparison.compared, measured)} compared"]
     counts = Counter(difference.change for difference in comparison.differences)
     if counts:
         kinds = ", ".join(f"{counts[change]} {change}" for change in CHANGE_MEANING if counts[change])
@@ -143,8 +152,8 @@ def _summary(comparison: Comparison, tolerance: Tolerance) -> str:
     return "; ".join(parts)
 
 
-def _circles(number: int) -> str:
-    return f"{number} circle{'' if number == 1 else 's'}"
+def _counted(number: int, table: PoseTable) -> str:
+    return f"{number} {'board' if table.of_boards else 'circle'}{'' if number == 1 else 's'}"
 
 
 def _note(message: str, request: CheckRequest) -> None:

@@ -8,6 +8,7 @@ from collections.abc import Generator, Iterable, Iterator
 from contextlib import ExitStack, closing, nullcontext, suppress
 from dataclasses import asdict
 from functools import partial
+from itertools import chain, islice
 from pathlib import Path
 
 from circlepose.batch.journal import Journal
@@ -18,7 +19,10 @@ from circlepose.io.images.unread_kinds import skipped_line
 from circlepose.io.inputs.images import STDIN, InputImage, are_streamed, expand_inputs
 from circlepose.io.output_conflicts import Outputs
 from circlepose.io.remote.images import Place
+from circlepose.io.tables import Layout
+from circlepose.io.tables.data_layouts import is_data_layout
 from circlepose.io.tables.reference import Reference, read_reference
+from circlepose.io.tables.selection import Selection
 from circlepose.results import ImageResult
 from circlepose.solvers import methods_for
 from circlepose_cli.console.interruption import EXIT_CODE as INTERRUPTED
@@ -31,6 +35,7 @@ from circlepose_cli.options.setup import Setup, Setups
 from circlepose_cli.output.destination import Unfinished, is_file, open_journal, open_output, output_place
 from circlepose_cli.output.overlay_names import OverlayNames
 from circlepose_cli.output.results import choose_format, choose_rows, write_output
+from circlepose_cli.runs.layout_choice import USUAL, LayoutChoice
 
 SOME_FAILED = 3
 BUG = 1
@@ -43,20 +48,16 @@ def run(request: EstimateRequest) -> int:
 
 
 def _run(request: EstimateRequest, held: ExitStack) -> int:
-    if request.cluster is not None and request.jobs is not None:
-        raise UsageError("--jobs, --cluster: give one of them; the cluster has its own number of workers.")
     output = output_place(request.output)
     to_terminal = output is None and sys.stdout.isatty()
     output_format = choose_format(request.output_format, output, to_terminal=to_terminal)
     _check_form(output_format, request)
-    selection = choose_rows(
-        request.columns, chosen_only=request.chosen_only, output_format=output_format, layout=request.layout
-    )
+    layouts = LayoutChoice(request.layout, request.method)
     outputs = Outputs([output])
     reporter = Reporter(quiet=request.quiet, verbose=request.verbose)
     setups = Setups(
         request.known,
-        lambda folder, setup: _accept_setup(reporter, outputs, folder, setup, request.method),
+        lambda folder, setup: _accept_setup(reporter, outputs, folder, setup, request.method, layouts),
         force_calibration=request.stages.force_calibration,
     )
     reference = _reference(request)
@@ -66,7 +67,9 @@ def _run(request: EstimateRequest, held: ExitStack) -> int:
         (Outputs([1]) if output is None else outputs).refuse(0, "the list of images")
     skipped: Counter[str] = Counter()
     images, total = _images(request, setups, outputs, skipped, held)
-    if reference is not None and total is not None:
+    if total is not None:
+        _selection(request, output_format, layouts.choose())
+        reporter.notes(layouts.notes())
         _check_reference(reference, request, images)
     overlays = (
         None
@@ -92,11 +95,15 @@ def _run(request: EstimateRequest, held: ExitStack) -> int:
             bar = reporter.running(total, shows_bar=shows_bar)
             measured = _measured(items, options, request, reporter, journal, total)
             with closing(follow(measured, reporter, bar, interruption)) as results:
+                # Of a stream the targets are not known before its first image.
+                first = list(islice(results, 1)) if total is None else []
+                layout = layouts.choose()
+                selection = _selection(request, output_format, layout)
                 write_output(
-                    results,
+                    chain(first, results),
                     handle,
                     output_format=output_format,
-                    layout=request.layout,
+                    layout=layout,
                     reference=reference,
                     selection=selection,
                 )
@@ -108,10 +115,7 @@ def _run(request: EstimateRequest, held: ExitStack) -> int:
             reporter.note(f"{journal.reused} finished before")
         if journal is not None and is_done:
             journal.remove()
-    if output is not None and not interruption.received and is_file(output):
-        reporter.note(f"{output}: written")
-    if skipped:
-        reporter.note(skipped_line(skipped))
+    reporter.notes(_closing_notes(None if interruption.received else output, skipped))
     reporter.summary(
         total,
         interrupted=interruption.received,
@@ -123,6 +127,17 @@ def _run(request: EstimateRequest, held: ExitStack) -> int:
     if reporter.bugs:
         return BUG
     return SOME_FAILED if reporter.failures else 0
+
+
+def _closing_notes(written: Place | None, skipped: Counter[str]) -> Iterator[str]:
+    if written is not None and is_file(written):
+        yield f"{written}: written"
+    if skipped:
+        yield skipped_line(skipped)
+
+
+def _selection(request: EstimateRequest, output_format: FormatChoice, layout: Layout) -> Selection:
+    return choose_rows(request.columns, chosen_only=request.chosen_only, output_format=output_format, layout=layout)
 
 
 def _measured(
@@ -202,7 +217,9 @@ def _reference(request: EstimateRequest) -> Reference | None:
     return read_reference(request.reference)
 
 
-def _check_reference(reference: Reference, request: EstimateRequest, images: Iterable[InputImage]) -> None:
+def _check_reference(reference: Reference | None, request: EstimateRequest, images: Iterable[InputImage]) -> None:
+    if reference is None:
+        return
     names = [image.name for image in images]
     if not any(reference.knows(name) for name in names):
         ours, theirs = names[0], next(iter(reference.by_image), "none")
@@ -221,15 +238,29 @@ def _work_items(
 
 
 def _check_form(output_format: FormatChoice, request: EstimateRequest) -> None:
+    """Raise `UsageError` where options do not go together, before any file is read."""
+    if request.cluster is not None and request.jobs is not None:
+        raise UsageError("--jobs, --cluster: give one of them; the cluster has its own number of workers.")
+    possible: tuple[Layout, ...] = USUAL if request.layout is None else (request.layout,)
+    refusals = []
+    for layout in possible:
+        try:
+            _selection(request, output_format, layout)
+        except UsageError as refusal:
+            refusals.append(refusal)
+    if len(refusals) == len(possible):
+        raise refusals[0]
     if output_format is FormatChoice.PARQUET:
         from circlepose.io.tables.parquet import require_parquet  # noqa: PLC0415 - few ask for it
 
-        if request.layout != "poses":
-            raise UsageError("--format parquet: goes with --layout poses.")
+        if request.layout is not None and not is_data_layout(request.layout):
+            raise UsageError("--format parquet: goes with --layout poses, boards or pairs.")
         require_parquet()
 
 
-def _accept_setup(reporter: Reporter, outputs: Outputs, folder: Place, setup: Setup, method: str) -> None:
+def _accept_setup(
+    reporter: Reporter, outputs: Outputs, folder: Place, setup: Setup, method: str, layouts: LayoutChoice
+) -> None:
     outputs.refuse(setup.camera_file.path, "the calibration")
     outputs.refuse(setup.target_path, "the target")
     try:
@@ -241,6 +272,7 @@ def _accept_setup(reporter: Reporter, outputs: Outputs, folder: Place, setup: Se
         )
         raise UsageError(f"{where}--{error}") from None
     reporter.expect(setup.target)
+    layouts.accept(setup)
     for note in setup.notes:
         reporter.note(note)
     reporter.detail(f"{folder}: camera {setup.camera_file.path}, target {setup.target_origin}")

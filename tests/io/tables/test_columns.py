@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from circlepose.io.tables import columns, json_records, paper_layouts
+from circlepose.io.tables import columns, paper_layouts
 from circlepose.io.tables.columns import COLUMNS, cell, pose_rows
 from circlepose.io.tables.reader import read_pose_file
 from circlepose.io.text.escaping import unquoted
@@ -209,7 +209,7 @@ def test_a_json_document_stays_readable_when_the_run_ends_early():
 
     handle = io.StringIO()
     with pytest.raises(KeyboardInterrupt):
-        json_records.write_json(results(), handle)
+        paper_layouts.write_results(results(), handle, data_format="json", layout="poses")
     assert [image["image"] for image in json.loads(handle.getvalue())["images"]] == ["bad.png"]
 
 
@@ -229,7 +229,7 @@ def test_rows_leave_when_their_image_is_done(data_format):
 
 def test_each_json_line_is_an_image_with_its_schema():
     handle = io.StringIO()
-    json_records.write_jsonl([made_result(), FAILED], handle)
+    paper_layouts.write_results([made_result(), FAILED], handle, data_format="jsonl", layout="poses")
     lines = [json.loads(line) for line in handle.getvalue().splitlines()]
     assert [(line["schema"], line["image"]) for line in lines] == [
         ("circlepose.poses/1", "a.png"),
