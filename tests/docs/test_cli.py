@@ -10,7 +10,9 @@ import typer.main
 
 from circlepose.detection import EXTRACTIONS
 from circlepose.io.tables import LAYOUTS
+from circlepose.io.tables.board_rows import BOARD_COLUMN_MEANING
 from circlepose.io.tables.columns import COLUMN_MEANING
+from circlepose.io.tables.pair_rows import PAIR_COLUMN_MEANING
 from circlepose.results import FLAG_MEANING, STATUS_MEANING
 from circlepose.solvers import METHODS
 from circlepose.targets import POLARITIES
@@ -57,7 +59,8 @@ def test_every_choice_is_in_the_manual(manual, choices):
 
 
 def test_every_column_is_in_the_manual(manual):
-    for column, meaning in COLUMN_MEANING.items():
+    meanings = (COLUMN_MEANING, BOARD_COLUMN_MEANING, PAIR_COLUMN_MEANING)
+    for column, meaning in (each for known in meanings for each in known.items()):
         assert f"| `{column}` | {meaning} |" in manual
 
 

@@ -68,8 +68,8 @@ def _stacked(rows: Sequence[Row], title: str) -> Grid:
         new_heading, new_label = shown(row["image"]), shown(row.get("instance"))
         is_new = new_heading != heading
         cells = [f"{above[place]}\n{below[place]}" if below[place] else "" for above, below in both.values()]
-        circles = numbers[_CIRCLES][place]
-        notes = [", ".join(remarks(row)), doubt(row), f"{circles.strip()} circles" if circles.strip() else ""]
+        circles, rms = (numbers[header][place].strip() for header in (_CIRCLES, _RMS))
+        notes = [", ".join(remarks(row)), doubt(row), f"{circles}, rms {rms}" if circles else ""]
         texts = (
             new_label if is_new or new_label != label else "",
             "mm\nq" if any(cells) else "",

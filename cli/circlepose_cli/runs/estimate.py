@@ -52,7 +52,7 @@ def _run(request: EstimateRequest, held: ExitStack) -> int:
     to_terminal = output is None and sys.stdout.isatty()
     output_format = choose_format(request.output_format, output, to_terminal=to_terminal)
     _check_form(output_format, request)
-    layouts = LayoutChoice(request.layout, request.method)
+    layouts = LayoutChoice(request.layout, request.method, is_stream=are_streamed(request.inputs))
     outputs = Outputs([output])
     reporter = Reporter(quiet=request.quiet, verbose=request.verbose)
     setups = Setups(

@@ -14,13 +14,17 @@ _PAPERS = ("table1", "table2")
 
 
 class LayoutChoice:
-    """Takes in the setup of each folder; `choose` before the first row is written."""
+    """Takes in the setup of each folder; `choose` before the first row is written.
 
-    def __init__(self, asked: Layout | None, method: str) -> None:
+    Of a stream the first target decides, as the others are not known when its rows are written.
+    """
+
+    def __init__(self, asked: Layout | None, method: str, *, is_stream: bool) -> None:
         """Take the options --layout and --method; raises `UsageError` where they do not go together."""
         if asked == "pairs" and method == "all":
             raise UsageError("--layout pairs: goes with one --method, not with all.")
         self._asked = asked
+        self._is_stream = is_stream
         self._chosen: Layout | None = None
         self._kinds: set[str] = set()
 
@@ -28,6 +32,8 @@ class LayoutChoice:
         """Take note of a target; raises `UsageError` where the layout cannot show it."""
         kind = setup.target.kind
         self._kinds.add(kind)
+        if self._is_stream:
+            self.choose()
         if kind == "board" and self._asked in _PAPERS:
             raise UsageError(
                 f"--layout {self._asked}: shows lone circles and ring targets; {setup.target_origin} is a board: "

@@ -23,6 +23,7 @@ from circlepose.results import Flag, ImageResult, Status
 from circlepose.targets.target import Target
 from circlepose_cli.console.terminal import fitted
 from circlepose_cli.output.table import write_table
+from tests.support.boards import made_board, made_board_result
 from tests.support.discs import NORMAL, RADIUS_MM, disc_folder, discs_image, made_circle, made_result
 from tests.support.paths import ROOT
 from tests.support.processes import COMMAND, environment
@@ -110,6 +111,60 @@ def test_a_table_fits_and_its_numbers_are_whole(measured, which, width, layout):
         assert set(shown) <= set(whole)
     else:
         assert shown == whole
+
+
+BOARDS = [
+    made_board_result(made_board(), made_board(1, (), 1)),
+    ImageResult("gone.png", Status.LAYOUT_MISMATCH, "another spacing?"),
+    made_board_result(
+        made_board(0, (Flag.AMBIGUOUS, Flag.RADIUS_MISFIT)), image="a_long_name_of_a_photograph_of_a_board.png"
+    ),
+]
+
+
+@pytest.mark.parametrize("width", [1, 20, 47, *WIDTHS])
+@pytest.mark.parametrize("layout", ["boards", "pairs"])
+def test_a_table_of_boards_fits_and_its_numbers_are_whole(measured, width, layout):
+    results = BOARDS if layout == "boards" else measured["12 discs"]
+    lines = on_terminal(width, lambda handle: write_table(results, handle, layout))
+    assert max(map(cell_len, lines)) <= max(width, 20)
+    # The ambiguity of the last board is said by its flag.
+    whole, shown = ([each for each in numbers(some) if each != "0.250"] for some in (printed(results, layout), lines))
+    if any(line.startswith("not shown: ") for line in lines):
+        assert set(shown) <= set(whole)
+    else:
+        assert shown == whole
+    if width >= 60:
+        # A table, not one value a line.
+        assert any(line.startswith(" ───") for line in lines)
+    if layout == "boards" and width == 200:
+        assert lines[0].split() == (
+            [
+                "image",
+                "#",
+                "x",
+                "mm",
+                "y",
+                "mm",
+                "z",
+                "mm",
+                "qw",
+                "qx",
+                "qy",
+                "qz",
+                "±",
+                "mm",
+                "±",
+                "deg",
+                "circles",
+                "rms",
+                "px",
+                "ambiguity",
+                "remarks",
+            ]
+        )
+        assert "1/12" in lines[2]
+        assert any(line.endswith("layout_mismatch") for line in lines)
 
 
 @pytest.mark.parametrize("width", [1, 19, 20, 33, 47])
