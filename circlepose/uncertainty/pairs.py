@@ -7,7 +7,7 @@ body, so that it changes nothing between them.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -18,6 +18,8 @@ from circlepose.results import Candidate, CircleResult, ImageResult
 _PARAMETERS = 5
 """of a pose: center, and two tilts"""
 _CAMERA = 3
+_BLOCK = 50_000
+"""Pairs at a time; memory."""
 _LEAST = 1e-12
 """Length below which a direction is none; of distances as a share of the larger one from the camera; numerical."""
 
@@ -93,6 +95,14 @@ def circle_pairs(placed: PlacedCircles) -> CirclePairs:
     methods = np.array([circle.method for circle in placed.circles])
     alike = methods[first] == methods[second]
     first, second = first[alike], second[alike]
+    starts = range(0, max(len(first), 1), _BLOCK)
+    blocks = [_pairs_of(placed, first[i : i + _BLOCK], second[i : i + _BLOCK]) for i in starts]
+    return CirclePairs(
+        *(np.concatenate([getattr(block, field.name) for block in blocks]) for field in fields(CirclePairs))
+    )
+
+
+def _pairs_of(placed: PlacedCircles, first: IntArray, second: IntArray) -> CirclePairs:
     apart = placed.centers[first] - placed.centers[second]
     distance = np.linalg.norm(apart, axis=1)
     far = np.linalg.norm(placed.centers, axis=1)

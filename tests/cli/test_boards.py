@@ -167,8 +167,6 @@ def test_of_a_stream_the_first_target_decides(boards, tmp_path):
     assert "is of kind circle, but the targets before were boards; give --layout poses." in done.stderr
     done = run_process("estimate", "-", "-q", input="\n".join(map(str, reversed(names))) + "\n")
     assert (done.returncode, header(done.stdout)) == (0, COLUMNS)
-    done = run_process("estimate", "-", "-q", "--calib", boards / "camera.yaml", "--radius-mm", "3", input="\n")
-    assert header(done.stdout) == COLUMNS
 
 
 def test_another_board_is_a_mismatch_and_what_to_do_is_said(run, boards):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import cv2
 import numpy as np
@@ -13,6 +13,7 @@ from circlepose.camera.camera import Camera, CameraSigma, circle_contour
 from circlepose.geometry.cone import plane_basis
 from circlepose.results import Candidate, CircleResult, CovarianceTerms, ImageResult
 from circlepose.targets.target import Target
+from circlepose.uncertainty import pairs as pairs_module
 from circlepose.uncertainty.pairs import circle_pairs, placed_circles
 from circlepose.uncertainty.systematic import radius_term, with_all_terms
 from tests.support.board_results import placed
@@ -190,6 +191,18 @@ def test_parallel_and_coinciding_circles_have_numbers():
     same = pair_of(first, placed(FIRST.center, FIRST.normal, terms, 1))
     assert same.distance_mm[0] == 0.0
     assert np.isnan(same.sigma_mm[0])
+
+
+def test_many_pairs_are_computed_in_blocks(monkeypatch):
+    _, spreads = covariances()
+    made = [board(number, TURNS[number], PLACES[number], spreads[number], 0.001) for number in range(2)]
+    circles = [circle for _, both in made for circle in both]
+    whole = pair_of(*circles, boards=tuple(each for each, _ in made))
+    monkeypatch.setattr(pairs_module, "_BLOCK", 4)
+    again = pair_of(*circles, boards=tuple(each for each, _ in made))
+    assert len(whole.first) == 6
+    for field in fields(whole):
+        np.testing.assert_array_equal(getattr(again, field.name), getattr(whole, field.name))
 
 
 def test_circles_of_two_methods_are_no_pair_and_circles_without_a_pose_have_none():

@@ -1,4 +1,4 @@
-"""Tables of poses read back: CSV, JSON or JSON lines of the `poses` layout, and the CSV of a truth."""
+"""Tables of poses read back: CSV, JSON or JSON lines of the layouts `poses` and `boards`, and the CSV of a truth."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def read_pose_file(content: bytes, name: str, *, truth_allowed: bool = False) ->
     The form is seen from the content. A truth, where that is allowed, is a CSV without the columns `method` and
     `solution`: a row per circle, `image, instance, circle` and the columns of center (mm) and normal, which may be
     called `x, y, z` or `cx, cy, cz` and `nx, ny, nz`; `instance` and `circle` may be left out. An empty cell is
-    an unknown number.
+    an unknown number. A table of boards, which has the column `qw`, is read as `board_reader.read_boards` says.
 
     Raises
     ------

@@ -127,7 +127,7 @@ def _check_schema(document: object, where: str) -> None:
     if schema == PAIRS_SCHEMA:
         raise UsageError(f"{where}: {PAIRS_OF_CIRCLES}")
     if not isinstance(schema, str) or schema not in _KINDS:
-        raise UsageError(f"{where}: schema: expected {POSES_SCHEMA!r}, got {shown(schema)}.")
+        raise UsageError(f"{where}: schema: expected {POSES_SCHEMA!r} or {BOARDS_SCHEMA!r}, got {shown(schema)}.")
 
 
 @dataclass(frozen=True, slots=True)
