@@ -39,7 +39,8 @@ def board_terms(
     moved = np.array([*pose.translation, 0.0, 0.0, 0.0]) * relative_sigma
     moves = None if camera.sigma == EXACT else _camera_moves(camera, rims, pose)
     return BoardTerms(
-        image=image,
+        # An inverse is symmetric to rounding alone.
+        image=0.5 * (image + image.T),
         camera=None if moves is None else np.asarray(moves @ moves.T),
         radius=None if relative_sigma == 0.0 else np.outer(moved, moved),
         camera_moves=moves,

@@ -165,7 +165,7 @@ def write_results(
     handle: TextIO,
     *,
     data_format: DataFormat,
-    layout: Layout,
+    layout: Layout = "poses",
     reference: Reference | None = None,
     selection: Selection = EVERYTHING,
 ) -> None:

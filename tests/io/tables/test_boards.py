@@ -128,8 +128,9 @@ def test_a_measured_board_is_where_it_is(measured):
     assert (row["circles_used"], row["circles_in_layout"], row["flags"]) == ("12", "12", "roll_ambiguous")
     pose = measured.boards[0].pose
     np.testing.assert_allclose(pose.rotation, ROTATION, atol=1e-3)
-    for term, moves in [(pose.terms.camera, pose.terms.camera_moves)]:
-        np.testing.assert_allclose(moves @ moves.T, term)
+    moves = pose.terms.camera_moves
+    np.testing.assert_allclose(moves @ moves.T, pose.terms.camera)
+    assert np.array_equal(pose.covariance, pose.covariance.T)
     # Each circle's pose moves by the board's: a larger layout is farther away, along each line of sight.
     for circle in measured.circles:
         terms = circle.candidates[0].covariance_terms

@@ -168,7 +168,7 @@ def test_a_truth_is_no_table_of_poses():
         (written(data_format="json")[:-20], "is no valid JSON"),
         (written(data_format="jsonl")[:-20], "line 4: is no valid JSON; is the file cut short?"),
         ("[" * 100_000, "is no valid JSON"),
-        ("[1, 2]", "schema: expected 'circlepose.poses/1', got None"),
+        ("[1, 2]", "schema: expected 'circlepose.poses/1' or 'circlepose.boards/1', got None"),
         (written(data_format="json", layout="table1"), "got 'circlepose.table1/1'"),
         (written(data_format="jsonl", layout="table1"), "got 'circlepose.table1/1'"),
         ('{"schema": "circlepose.poses/1"}', "images: expected a list, got None"),
