@@ -19,10 +19,18 @@ from circlepose.io.tables.lossless import plain_result, restored_result
 from circlepose.io.tables.paper_layouts import write_results
 from circlepose.io.tables.parquet import write_parquet
 from circlepose.io.tables.selection import Selection, read_columns
-from circlepose.io.target_file import read_target
+from circlepose.io.target_file import read_target, target_from_mapping
 from circlepose.results import Flag, ImageResult, Status
-from tests.support.boards import BOARD_YAML, ROTATION, TRANSLATION, board_image, made_board, made_board_result
-from tests.support.discs import CAMERA
+from tests.support.boards import (
+    BOARD_YAML,
+    POINTS_MM,
+    ROTATION,
+    TRANSLATION,
+    board_image,
+    made_board,
+    made_board_result,
+)
+from tests.support.discs import CAMERA, RADIUS_MM, discs_image
 
 FAILED = ImageResult("bad.png", Status.LAYOUT_MISMATCH, "another spacing?", image_size=(320, 240))
 TWO = made_board_result(made_board(0, (Flag.AMBIGUOUS, Flag.ROLL_AMBIGUOUS)), made_board(1, (), 1, growth=-0.02))
@@ -220,3 +228,28 @@ def test_rows_and_data_frames_have_the_layout_asked_for():
     frame = circlepose.to_dataframe([TWO, FAILED], layout="boards")
     assert tuple(frame.columns) == BOARD_COLUMNS
     assert str(frame.circles_used.dtype) == "Int64"
+
+
+def test_a_circle_that_faces_away_has_the_covariance_of_the_normal_that_is_written():
+    """Its normal is turned towards the camera, and so are the vectors that its tilts turn it to."""
+    seen = POINTS_MM[[0, 1, 2, 3, 4, 5, 6, 8]]
+    image = discs_image(seen @ ROTATION.T + TRANSLATION, -ROTATION[:, 2], CAMERA)
+    circles = [
+        {"name": f"c{number}", "x_mm": x, "y_mm": y, "z_mm": z, "radius_mm": RADIUS_MM, "normal": [0, 0, -1]}
+        for number, (x, y, z) in enumerate(seen.tolist())
+    ]
+    away = {"name": "back", "x_mm": 90, "y_mm": 60, "z_mm": 20, "radius_mm": RADIUS_MM, "normal": [0, 0.6, 0.8]}
+    circles.append(away)
+    target = target_from_mapping({"kind": "board", "circles": circles}, "t")
+    result = circlepose.estimate(image, CAMERA, target, name="a.png")
+    pose = result.boards[0].pose
+    back = next(circle for circle in result.circles if circle.circle == "back").candidates[0]
+    assert back.normal @ back.center < 0.0
+    arm = pose.rotation @ [90.0, 60.0, 20.0]
+    np.testing.assert_allclose(back.center, arm + pose.translation)
+    turns = np.eye(3)
+    moves = np.zeros((5, 6))
+    moves[:3, :3] = np.eye(3)
+    moves[:3, 3:] = np.cross(turns, arm).T
+    moves[3:, 3:] = back.tilt_axes @ np.cross(turns, back.normal).T
+    np.testing.assert_allclose(back.covariance, moves @ pose.covariance @ moves.T, rtol=1e-6, atol=1e-15)
