@@ -14,7 +14,7 @@ from circlepose.io.tables.pair_rows import PAIR_COLUMNS
 from circlepose.results import Flag, ImageResult, Status
 from circlepose_cli.console.board_remarks import BoardTally
 from circlepose_cli.console.progress import Reporter
-from tests.support.boards import BOARD_YAML, board_folder, made_board, made_board_result
+from tests.support.board_results import BOARD_YAML, board_folder, made_board, made_board_result
 from tests.support.discs import disc_folder
 from tests.support.processes import run as run_process
 from tests.support.processes import shell

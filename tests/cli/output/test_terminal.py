@@ -23,7 +23,7 @@ from circlepose.results import Flag, ImageResult, Status
 from circlepose.targets.target import Target
 from circlepose_cli.console.terminal import fitted
 from circlepose_cli.output.table import write_table
-from tests.support.boards import made_board, made_board_result
+from tests.support.board_results import made_board, made_board_result
 from tests.support.discs import NORMAL, RADIUS_MM, disc_folder, discs_image, made_circle, made_result
 from tests.support.paths import ROOT
 from tests.support.processes import COMMAND, environment

@@ -16,7 +16,7 @@ from circlepose.io.tables.paper_layouts import write_results
 from circlepose.io.tables.reader import read_pose_file
 from circlepose.io.tables.reference import read_reference
 from circlepose.results import ImageResult, Status
-from tests.support.boards import made_board, made_board_result
+from tests.support.board_results import made_board, made_board_result
 from tests.support.discs import made_result
 
 FAILED = ImageResult("bad.png", Status.LAYOUT_MISMATCH, "another spacing?")

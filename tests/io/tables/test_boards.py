@@ -21,7 +21,7 @@ from circlepose.io.tables.parquet import write_parquet
 from circlepose.io.tables.selection import Selection, read_columns
 from circlepose.io.target_file import read_target, target_from_mapping
 from circlepose.results import Flag, ImageResult, Status
-from tests.support.boards import (
+from tests.support.board_results import (
     BOARD_YAML,
     POINTS_MM,
     ROTATION,
