@@ -19,7 +19,13 @@ EXAMPLES = re.findall(r"```yaml\n(.*?)```", FORMATS, re.DOTALL)
 
 
 def test_every_example_is_read() -> None:
-    assert [read_target(text.encode()).kind for text in EXAMPLES] == ["circle", "coplanar", "coaxial", "circle"]
+    assert [read_target(text.encode()).kind for text in EXAMPLES] == [
+        "circle",
+        "coplanar",
+        "coaxial",
+        "board",
+        "circle",
+    ]
 
 
 @pytest.mark.parametrize("status", [status for status in Status if status is not Status.OK])
