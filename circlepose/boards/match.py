@@ -81,18 +81,28 @@ def _by_pairs(
     layouts = [layout]
     if layout.grid is None and layout.is_planar and layout.side != "front":
         layouts = [layout.seen_from_behind] if layout.side == "back" else [layout, layout.seen_from_behind]
-    tries = []
+    # Seen from behind only where that explains more: a list may map on its mirror image.
+    found: list[FoundBoard | str] = []
     for each in layouts:
-        for start in constellations(scene.seen, each, scene.camera, free, options):
-            board = settled(scene, each, start.members, start.circles, start.pose, taken, options)
-            if isinstance(board, FoundBoard):
-                tries.append(board)
-    if not tries:
+        starts = constellations(scene.seen, each, scene.camera, free, options)
+        boards = [settled(scene, each, s.members, s.circles, s.pose, taken, options) for s in starts]
+        best = _best([board for board in boards if isinstance(board, FoundBoard)], options)
+        if best is not None:
+            found.append(best)
+    posed = [each for each in found if isinstance(each, FoundBoard)]
+    if posed:
+        return max(posed, key=lambda each: int(np.count_nonzero(each.fits[0].used)))
+    return found[0] if found else None
+
+
+def _best(boards: list[FoundBoard], options: BoardOptions) -> FoundBoard | str | None:
+    """Return the board of most circles, or why none is: another assignment is as good."""
+    if not boards:
         return None
-    tries.sort(key=lambda found: (-np.count_nonzero(found.fits[0].used), found.fits[0].misfit))
-    best = tries[0]
+    ranked = sorted(boards, key=lambda each: (-np.count_nonzero(each.fits[0].used), each.fits[0].misfit))
+    best = ranked[0]
     same = symmetries(best.layout)
-    for other in tries[1:]:
+    for other in ranked[1:]:
         if not _is_same(best, other, same) and _is_as_good(other, best, options):
             used = np.count_nonzero(other.fits[0].used)
             return f"{used} circles fit the layout in more than one way; more of its circles are needed, or a mark"

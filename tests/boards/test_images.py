@@ -93,6 +93,15 @@ def test_a_plate_with_holes(places):
     assert degrees < 0.2
 
 
+def test_a_list_that_maps_on_itself_leaves_the_roll_open():
+    layout = plate([(40.0 * column, 40.0 * row) for row in range(2) for column in range(3)])
+    pose = posed(layout, 30.0, 70.0, 5.0, 450.0)
+    result = measured(picture([(layout, pose)]), layout)
+    assert result.status is Status.OK, result.reason
+    assert Flag.ROLL_AMBIGUOUS in result.boards[0].flags
+    assert apart(pose, *pose_of(result))[0] < 0.1
+
+
 def test_circles_in_several_planes():
     circles = [
         BoardCircle("low", (0.0, 0.0, 0.0), (10.0,)),
