@@ -151,9 +151,11 @@ def _judged(
     circles = np.array([index.get((a, b), -1) for a, b in nodes.tolist()], np.int64)
     on_board = circles >= 0
     score = options.foreign_log * float(np.count_nonzero(~on_board))
-    radius = layout.radius_mm[circles[on_board]] / layout.usual_radius_mm
-    off = (sizes[on_board] / radius - 1.0) / size_noise
-    score += float(np.maximum(-0.5 * off**2, options.unlike_log).sum())
+    # Blur changes all sizes, so each is held against the layout's own sizes alone.
+    off = np.log(sizes[on_board, None] * layout.usual_radius_mm / np.unique(layout.radius_mm)) / size_noise
+    own = np.log(sizes[on_board] * layout.usual_radius_mm / layout.radius_mm[circles[on_board]]) / size_noise
+    against = 0.5 * (own**2 - (off**2).min(axis=1, initial=np.inf))
+    score += float(np.maximum(-against, options.unlike_log).sum())
     score += options.unlike_log * float(np.count_nonzero(rings[on_board] != layout.is_ring[circles[on_board]]))
     absent = np.setdiff1d(np.arange(len(layout)), circles[on_board])
     inside = _are_inside(patch, nodes, ellipse, layout.node_of[absent], image_size)

@@ -159,6 +159,15 @@ def test_a_ring_is_a_mark():
     assert apart(pose, *pose_of(result))[1] < 0.05
 
 
+@pytest.mark.parametrize("radius", [10.0, 5.6, 4.4])
+def test_a_mark_is_known_by_its_size_on_a_board_of_small_dots(radius):
+    layout = grid("symmetric", 6, 6, 25.0, 5.0, marks={(0, 5): (radius,)})
+    pose = posed(layout, 25.0, 40.0, 100.0, 800.0)
+    result = measured(picture([(layout, pose)]), layout)
+    assert result.status is Status.OK, result.reason
+    assert apart(pose, *pose_of(result))[1] < 0.2
+
+
 def test_of_the_rolls_that_are_open_x_is_nearest_the_image():
     for roll in (-100.0, 20.0, 80.0, 175.0):
         result = measured(picture([(GRID, posed(GRID, 20.0, 50.0, roll))]), GRID)
