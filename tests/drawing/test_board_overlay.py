@@ -141,4 +141,5 @@ def test_the_views_of_a_board_have_its_layout(full: tuple[Image, ImageResult]) -
     assert np.allclose(view.centers_mm[0], 0.0, atol=1e-9)
     assert np.allclose(view.centers_mm[-1], [120.0, 180.0, 0.0], atol=1e-9)
     assert view.extreme([]) == []
-    assert [view.circles[i].circle for i in view.extreme([0, 3, 4])] == ["r0c0", "r1c1", "r1c0"]
+    # Two of the three are as far to one side, but for rounding.
+    assert {view.circles[i].circle for i in view.extreme([0, 3, 4])} == {"r0c0", "r1c0", "r1c1"}
