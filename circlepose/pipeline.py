@@ -14,24 +14,20 @@ from circlepose.camera.image_size import size_mismatch
 from circlepose.camera.plausibility import misfit
 from circlepose.detection import EXTRACTIONS
 from circlepose.detection.axis_intervals import axis_intervals
-from circlepose.detection.contour import Contour, Rejection
+from circlepose.detection.contour import Rejection
 from circlepose.detection.reasons import why_none
 from circlepose.disambiguation.options import DisambiguationOptions
 from circlepose.disambiguation.settle import settled
 from circlepose.imaging.color_mixes import ColorMix, ColorMixOptions, color_mixes
 from circlepose.imaging.gray import to_channels
-from circlepose.measurement.color_views import fit_rims_in, measure_circles, pixels_in
-from circlepose.measurement.intensity_fit import LevelFit
+from circlepose.measurement.color_views import measure_circles
 from circlepose.measurement.nested_rims import with_nested_rims
 from circlepose.measurement.options import MeasurementOptions
 from circlepose.measurement.poses import results_of_rims, with_doubt
-from circlepose.measurement.rim import Rim
-from circlepose.measurement.selection import measure_rings
+from circlepose.measurement.trace import Trace
 from circlepose.results import CircleResult, Failure, Flag, ImageResult, Plane, Status
-from circlepose.rings.guided_search import with_hidden_rims
-from circlepose.rings.matching import match_rings
 from circlepose.rings.options import RingOptions
-from circlepose.rings.results import RingTargets, find_ring_targets
+from circlepose.rings.views import ring_targets_in_views
 from circlepose.solvers import METHODS, methods_for
 from circlepose.targets.board import BoardLayout
 from circlepose.targets.target import AxisIntervals, Target
@@ -60,33 +56,6 @@ class EstimateOptions:
 
 
 ESTIMATE_OPTIONS = EstimateOptions()
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Trace:
-    """What the stages of one estimate handed on."""
-
-    camera: Camera
-    """the calibration for the size of the image"""
-    channels: Image
-    """the image as `to_channels` returns it"""
-    levels: Image | None = None
-    """(h, w) gray levels that were measured, or those of the mix of a ring target; NaN where a pixel is left out"""
-    contours: tuple[Contour, ...] = ()
-    """those that detection kept, most evidence first"""
-    starts: tuple[Rim, ...] = ()
-    """the rims before their fit to the gray levels"""
-    rims: tuple[Rim, ...] = ()
-    """the same rims, from which the poses follow"""
-    fits: tuple[LevelFit | None, ...] = ()
-    """of each rim; None where its levels were not fitted, or it was fitted as a thin ellipse"""
-    mixes: tuple[ColorMix | None, ...] = ()
-    """of each rim, in which it was measured; None for gray"""
-
-    def number_of(self, circle: CircleResult) -> int | None:
-        """Return the index of the rim that a result was solved from."""
-        numbers = (number for number, rim in enumerate(self.rims) if rim.ellipse is circle.ellipse)
-        return next(numbers, None)
 
 
 def estimate(
@@ -233,7 +202,7 @@ def estimate_with_trace(
         circles, boards, planes = measured.circles, measured.boards, measured.planes
         trace, rejected, remark = measured.trace, measured.rejected, measured.remark
     else:
-        found, trace, remark = _ring_targets(
+        found, trace, remark = ring_targets_in_views(
             channels,
             views,
             camera,
@@ -243,7 +212,8 @@ def estimate_with_trace(
             extraction=extraction,
             refine=refine,
             keep_fits=keep_fits,
-            options=own,
+            numbers=numbers,
+            options=options.rings,
         )
         circles, incomplete, rejected = list(found.circles), found.incomplete, found.rejected
     circles = [_with_mix(circle, trace) for circle in circles] if len(views) > 1 else circles
@@ -329,55 +299,6 @@ def _circles_of(target: Target, layout: BoardLayout) -> Target:
     """Return the target of a board's circles by themselves."""
     intervals, polarity = target.axis_intervals, target.polarity
     return Target.circle(layout.usual_radius_mm, count="all", polarity=polarity, axis_intervals=intervals)
-
-
-def _ring_targets(
-    channels: Image,
-    views: tuple[ColorMix | None, ...],
-    camera: Camera,
-    target: Target,
-    intervals: AxisIntervals,
-    methods: tuple[str, ...],
-    *,
-    extraction: str,
-    refine: bool,
-    keep_fits: bool,
-    options: EstimateOptions,
-) -> tuple[RingTargets, Trace, str]:
-    """Return the ring targets of the view that shows most complete ones, and what is special of its pixels.
-
-    Of equal views the first, gray, counts.
-    """
-    numbers = options.measurement
-    of_rings = replace(options.rings, measurement=numbers)
-    best: tuple[RingTargets, Trace, str] | None = None
-    most = 0
-    for view in views:
-        # Only the fit to the levels can do without pixels that have none.
-        pixels = pixels_in(channels, view)
-        gray = pixels.whole
-        # In a mix, brighter and darker mean nothing.
-        wanted = target if view is None else replace(target, polarity="any")
-        # The polarity of a ring target is that of its largest circle.
-        measured = measure_rings(gray, camera, intervals, extraction=extraction, refine=refine, options=numbers)
-        matched = match_rings(measured.rims, camera, wanted, options=of_rings)
-        starts = measured.rims
-        if refine:
-            matched = with_hidden_rims(gray, camera, matched, wanted, options=of_rings)
-            starts = tuple(each.rim for each in matched.rims)
-        pixels, after = fit_rims_in(pixels, camera, starts, refine=refine, keep_fits=keep_fits, options=numbers)
-        found = find_ring_targets(after.rims, matched, camera, wanted, methods, placed=refine, options=of_rings)
-        complete = len({c.instance for c in found.circles if Flag.LONE_CIRCLE not in c.flags})
-        if best is None or complete > most:
-            found = replace(found, rejected=measured.rejected + found.rejected)
-            own = (view,) * len(after.rims)
-            rims, fits = tuple(after.rims), tuple(after.fits)
-            trace = Trace(camera, channels, pixels.own, measured.contours, starts, rims, fits, own)
-            best, most = (found, trace, pixels.remark), complete
-        if target.count is not None and most >= target.count:
-            break
-    assert best is not None
-    return best
 
 
 def _with_mix(circle: CircleResult, trace: Trace) -> CircleResult:

@@ -17,7 +17,8 @@ from circlepose.geometry.ellipse import Ellipse
 from circlepose.measurement.color_views import levels_in
 from circlepose.measurement.options import MeasurementOptions
 from circlepose.measurement.rim import EdgeRim, Rim
-from circlepose.pipeline import ESTIMATE_OPTIONS, EstimateOptions, Trace, estimate_with_trace
+from circlepose.measurement.trace import Trace
+from circlepose.pipeline import ESTIMATE_OPTIONS, EstimateOptions, estimate_with_trace
 from circlepose.results import CircleResult, ImageResult
 from circlepose.targets.target import Target
 
