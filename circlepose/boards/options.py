@@ -29,9 +29,17 @@ class BoardOptions:
     foreign_log: float = -6.2
     """log probability of a circle on the lattice that the layout does not have; empirical"""
     hidden_log: float = -3.0
-    """log probability of a circle that is not found within the image; empirical"""
-    unlike_log: float = -4.6
-    """log probability of a circle of another size than the layout's; empirical"""
+    """log probability of a group of neighbors that is not found within the image; empirical"""
+    unlike_log: float = -12.0
+    """log probability of a circle of clearly another size than the layout's; empirical"""
+    unlike_ring_log: float = -7.0
+    """log probability of a ring that is none, or looks like none; empirical"""
+    clear_size: float = 0.4
+    """departure from the nearest size of the layout over that from the next, where it is clear; empirical"""
+    between_share: float = 0.2
+    """share of circles as large that may lie among those of the layout; empirical"""
+    as_large: float = 1.25
+    """ratio of sizes up to which a circle is as large as those near it; empirical"""
     decisive_log: float = 6.9
     """log odds, at least, of the best place over every other: 1 in 1000; statistical"""
     size_noise: float = 0.02

@@ -1,9 +1,10 @@
 """Where on its board a lattice of circles lies: which of its circles is which.
 
 A lattice fits its grid after a shift and a turn. Each is judged by what it leaves unexplained: circles on the lattice
-that the layout does not have, circles of the layout that should be in the image and are not, and circles of another
-size than the layout's. Shifts and turns that map the layout on itself are one place. The best place counts only where
-all others are far less likely; else nothing is assigned.
+that the layout does not have, groups of circles that should be in the image and are not (what hides one hides its
+neighbors), and circles of another size than the layout's. Shifts and turns that map the layout on itself are one
+place. The best place counts only where all others are far less likely; else nothing is assigned. So a board of which
+a whole row is not seen is placed by its marks alone: the row may be hidden, or beyond the border.
 """
 
 from __future__ import annotations
@@ -95,15 +96,24 @@ def place(
             f"{number} circles lie on the layout's lattice, {shared} of them fit it: more rows or columns than stated"
         )
     if odds < options.decisive_log:
+        against = _against_sizes(sizes[on_board], layout, circles[on_board], size_noise, options)
+        unlike = np.flatnonzero(
+            (against >= options.decisive_log) | (rings[on_board] != layout.is_ring[circles[on_board]])
+        )
+        if len(unlike):
+            name = layout.names[circles[on_board][unlike[0]]]
+            return (
+                f"the marks are not where the layout has them: {name}, for one, is of another size, or a ring that "
+                "should be none"
+            )
         return (
             f"{number} circles fit the layout in more than one place; more of its circles are needed in the image, "
             "or a mark"
         )
+    between = _number_between(patch, ellipse, options)
+    if between > max(options.most_foreign, options.between_share * number):
+        return f"{between} circles as large lie between the {number} that could be the layout's: another spacing"
     return Placement(patch.members[on_board], circles[on_board], patch.members[~on_board], missing, float(odds))
-
-
-def _index_of(layout: BoardLayout) -> dict[tuple[int, int], int]:
-    return {(a, b): i for i, (a, b) in enumerate(layout.node_of.tolist())}
 
 
 def _candidates(patch: Patch, layout: BoardLayout, options: BoardOptions) -> Iterator[tuple[IntArray, int]]:
@@ -151,16 +161,71 @@ def _judged(
     circles = np.array([index.get((a, b), -1) for a, b in nodes.tolist()], np.int64)
     on_board = circles >= 0
     score = options.foreign_log * float(np.count_nonzero(~on_board))
-    # Blur changes all sizes, so each is held against the layout's own sizes alone.
-    off = np.log(sizes[on_board, None] * layout.usual_radius_mm / np.unique(layout.radius_mm)) / size_noise
-    own = np.log(sizes[on_board] * layout.usual_radius_mm / layout.radius_mm[circles[on_board]]) / size_noise
-    against = 0.5 * (own**2 - (off**2).min(axis=1, initial=np.inf))
-    score += float(np.maximum(-against, options.unlike_log).sum())
-    score += options.unlike_log * float(np.count_nonzero(rings[on_board] != layout.is_ring[circles[on_board]]))
+    score -= float(_against_sizes(sizes[on_board], layout, circles[on_board], size_noise, options).sum())
+    score += options.unlike_ring_log * float(np.count_nonzero(rings[on_board] != layout.is_ring[circles[on_board]]))
     absent = np.setdiff1d(np.arange(len(layout)), circles[on_board])
     inside = _are_inside(patch, nodes, ellipse, layout.node_of[absent], image_size)
-    missing = int(np.count_nonzero(inside))
-    return score + options.hidden_log * missing, circles, missing
+    groups = _groups(layout.node_of[absent[inside]], layout)
+    return score + options.hidden_log * groups, circles, int(np.count_nonzero(inside))
+
+
+def _against_sizes(
+    sizes: FloatArray, layout: BoardLayout, circles: IntArray, size_noise: float, options: BoardOptions
+) -> FloatArray:
+    """Return (k,) the log odds against each of `circles` (k,) by the size that is seen, over the usual ones.
+
+    Blur changes all sizes, so each is held against those of the layout; one between two of them tells nothing.
+    """
+    kinds = np.unique(layout.radius_mm)
+    if len(kinds) == 1 or len(sizes) == 0:
+        return np.zeros(len(sizes))
+    off = np.abs(np.log(sizes[:, None] * layout.usual_radius_mm / kinds))
+    own = np.abs(np.log(sizes * layout.usual_radius_mm / layout.radius_mm[circles]))
+    nearest, next_nearest = np.sort(off, axis=1)[:, :2].T
+    against = 0.5 * (own**2 - nearest**2) / size_noise**2
+    is_clear = nearest < options.clear_size * next_nearest
+    return np.where(is_clear, np.minimum(against, -options.unlike_log), 0.0)
+
+
+def _groups(nodes: IntArray, layout: BoardLayout) -> int:
+    """Return the number of groups of neighbors that `nodes` (j, 2) of a lattice make up."""
+    assert layout.grid is not None
+    order = layout.grid.order
+    # With diagonals: they are the neighbors in a row of an asymmetric grid.
+    first = [(1, 0), (1, 1)] if order == 4 else [(1, 0)]
+    steps = [turned(np.array(step), turn, order).tolist() for step in first for turn in range(order)]
+    left = {(a, b) for a, b in nodes.tolist()}
+    number = 0
+    while left:
+        number += 1
+        border = [left.pop()]
+        while border:
+            a, b = border.pop()
+            for da, db in steps:
+                node = (a + da, b + db)
+                if node in left:
+                    left.remove(node)
+                    border.append(node)
+    return number
+
+
+def _number_between(patch: Patch, ellipse: Ellipse, options: BoardOptions) -> int:
+    """Return how many other ellipses lie among those of a patch, and are as large as those near them."""
+    others = np.setdiff1d(np.arange(len(ellipse)), patch.members)
+    if len(others) == 0:
+        return 0
+    own = ellipse[patch.members]
+    nodes = projected(own.center, patch.nodes.astype(np.float64), ellipse.center[others])
+    with np.errstate(invalid="ignore"):
+        is_among = np.all((nodes > patch.nodes.min(axis=0)) & (nodes < patch.nodes.max(axis=0)), axis=1)
+    number = 0
+    for i in others[is_among].tolist():
+        apart = np.linalg.norm(own.center - ellipse.center[i], axis=1)
+        near = np.argsort(apart, kind="stable")[:4]
+        sizes = np.sqrt(own.semi_major[near] * own.semi_minor[near])
+        ratio = np.sqrt(float(ellipse.semi_major[i] * ellipse.semi_minor[i])) / float(np.median(sizes))
+        number += 1.0 / options.as_large < ratio < options.as_large
+    return number
 
 
 def _are_inside(

@@ -134,6 +134,16 @@ def test_a_planar_list_whose_axes_run_the_other_way_is_fitted_from_behind():
         assert np.allclose(circle.pose.center, pose.rotation @ own + pose.translation, atol=0.2)
 
 
+@pytest.mark.parametrize("layout", [grid("asymmetric", 7, 4, 18.0, 7.0), GRID], ids=["asymmetric", "symmetric"])
+def test_a_hidden_row_of_a_board_at_the_border_is_never_guessed(layout):
+    # Shifted by a row, the missing one would lie beyond the border.
+    pose = posed(layout, 15.0, 90.0, 0.0, 420.0, at=(0.0, 82.0))
+    first = tuple(np.flatnonzero(layout.centers_mm[:, 1] == 0.0).tolist())
+    assert len(first) > 2
+    hidden = measured(picture([(layout, pose)], hidden=first), layout)
+    assert hidden.status is Status.LAYOUT_MISMATCH
+
+
 def test_a_list_that_runs_the_other_way_is_refused_where_the_side_is_known():
     places = [(0.0, 0.0), (80.0, 0.0), (80.0, 60.0), (0.0, 62.0), (30.0, 25.0)]
     mirrored_list = BoardLayout(plate([(-x, y) for x, y in places]).circles, side="front")
