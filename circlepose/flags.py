@@ -81,6 +81,7 @@ class Flag(StrEnum):
     ROLL_AMBIGUOUS = "roll_ambiguous"
     RADIUS_MISFIT = "radius_misfit"
     NOT_IN_POSE = "not_in_pose"
+    CIRCLES_MISFIT = "circles_misfit"
 
 
 FLAG_MEANING: Mapping[Flag, str] = {
@@ -101,6 +102,7 @@ FLAG_MEANING: Mapping[Flag, str] = {
     Flag.ROLL_AMBIGUOUS: "the layout maps on itself by a turn; of these poses the one whose x is nearest the image's",
     Flag.RADIUS_MISFIT: "the circles are larger or smaller than stated beside their distances, which were believed",
     Flag.NOT_IN_POSE: "the board's pose does not rest on this circle: it was not seen, or misfits",
+    Flag.CIRCLES_MISFIT: "some circles are seen, but not where the layout or the size stated for them puts them",
 }
 
 

@@ -112,6 +112,12 @@ class BoardOptions:
     """share by which the radii are not as stated, from which the board is flagged; empirical"""
     least_ambiguity: float = 1e-9
     """probability of the other tilt below which it is no candidate; statistical"""
+    misfit_reach: float = 2.0
+    """semi-major axes; distance from a circle's place up to which a rim may be that circle; empirical"""
+    visibly_off_px: float = 1.5
+    """px; departure of a circle's place or size up to which an image may be bent; empirical"""
+    visibly_larger: float = 0.1
+    """share of the size by which a circle is visibly larger, or smaller, than stated; empirical"""
     undecided: float = 0.45
     """probability of the other tilt from which the pose is ambiguous; empirical"""
     reach_radii: float = 0.5

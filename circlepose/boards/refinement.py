@@ -43,6 +43,8 @@ class FoundBoard:
     """whether the layout maps on itself by a turn"""
     offsets_px: tuple[FloatArray, ...]
     """of each fit: (k, 2) from where it puts the centers of the circles' images to where these are"""
+    misfits: tuple[int, ...]
+    """circles of the layout that are seen, but not where the pose puts them, or not as large"""
 
     @property
     def rms_px(self) -> tuple[float, ...]:
@@ -144,7 +146,41 @@ def settled(
         ambiguity=float(ambiguity),
         is_roll_open=is_open,
         offsets_px=tuple(_offsets(scene, rims, members, each) for each in fits),
+        misfits=_misfits(scene, layout, members, circles, fits[0], taken, options),
     )
+
+
+def _misfits(
+    scene: Scene,
+    layout: BoardLayout,
+    members: IntArray,
+    circles: IntArray,
+    fit: BoardFit,
+    taken: set[int],
+    options: BoardOptions,
+) -> tuple[int, ...]:
+    """Return the circles of a layout for which a rim is seen that is visibly off its place, or of another size."""
+    places, seen = _expected(scene.camera, layout, fit.pose, fit.growth)
+    rim_of = dict(zip(circles[fit.used].tolist(), members[fit.used].tolist(), strict=True))
+    others = taken | set(rim_of.values())
+    free = np.array([i for i in range(len(scene.rims)) if i not in others], np.int64)
+    own = scene.ellipse[free]
+    sizes = np.sqrt(own.semi_major * own.semi_minor)
+    found = []
+    for circle in np.flatnonzero(seen).tolist():
+        if circle in rim_of or len(free) == 0:
+            continue
+        # The rim that stands for it, if any: the nearest one that no other circle has.
+        apart = np.linalg.norm(own.center - places.center[circle], axis=1)
+        nearest = int(np.argmin(apart))
+        major, minor = float(places.semi_major[circle]), float(places.semi_minor[circle])
+        size = float(np.sqrt(major * minor))
+        ratio = float(sizes[nearest]) / size
+        is_off = apart[nearest] > max(options.visibly_off_px, options.mismatch_share * minor)
+        is_off |= abs(ratio - 1.0) * size > max(options.visibly_off_px, options.visibly_larger * size)
+        if apart[nearest] < options.misfit_reach * major and max(ratio, 1.0 / ratio) < options.alike_ratio and is_off:
+            found.append(circle)
+    return tuple(found)
 
 
 def _where_expected(

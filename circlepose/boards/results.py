@@ -122,6 +122,7 @@ def _board_result(
         Flag.AMBIGUOUS: board.ambiguity >= options.undecided,
         Flag.ROLL_AMBIGUOUS: board.is_roll_open,
         Flag.RADIUS_MISFIT: abs(best.growth) >= options.misfit_growth,
+        Flag.CIRCLES_MISFIT: bool(board.misfits),
     }
     return BoardResult(
         instance=number,

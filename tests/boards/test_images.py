@@ -186,6 +186,22 @@ def test_of_the_rolls_that_are_open_x_is_nearest_the_image():
         assert board.pose.rotation[0, 0] > 0.0
 
 
+@pytest.mark.parametrize(("shift", "radius"), [(10.0, 8.0), (2.0, 8.0), (0.0, 9.6)])
+def test_a_circle_that_is_not_as_stated_is_left_out_and_flagged(shift, radius):
+    places = [(0.0, 0.0), (80.0, 0.0), (80.0, 60.0), (5.0, 62.0), (30.0, 25.0)]
+    drawn = plate(places)
+    pose = posed(drawn, 30.0, 70.0, 12.0, 450.0)
+    circles = list(drawn.circles)
+    circles[4] = BoardCircle("h4", (30.0 + shift, 25.0, 0.0), (radius,))
+    result = measured(picture([(drawn, pose)]), BoardLayout(tuple(circles)))
+    (board,) = result.boards
+    assert board.circles_used == 4
+    assert Flag.CIRCLES_MISFIT in board.flags
+    assert apart(pose, *pose_of(result))[0] < 0.2
+    right = measured(picture([(drawn, pose)]), drawn)
+    assert Flag.CIRCLES_MISFIT not in right.boards[0].flags
+
+
 def test_larger_discs_than_stated_are_flagged_and_the_distances_believed():
     drawn = grid("symmetric", 4, 5, 30.0, 9.36)
     pose = posed(GRID)

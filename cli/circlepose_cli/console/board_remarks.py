@@ -50,6 +50,12 @@ class BoardTally:
                 f"{self._of_all(turned)} roll_ambiguous: the layout looks the same when it is turned; if the turn "
                 "matters, put a circle of another size on the board and name it in marks of the target"
             )
+        misfits = self._number[Flag.CIRCLES_MISFIT]
+        if misfits:
+            yield (
+                f"{self._of_all(misfits)} circles_misfit: some are seen, but not where the layout puts them, or "
+                "are of another size; circlepose explain shows which; correct them in the target"
+            )
         if self._growths:
             percent = 100.0 * sorted(self._growths, key=abs)[len(self._growths) // 2]
             word = "larger" if percent > 0.0 else "smaller"
