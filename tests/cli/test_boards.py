@@ -49,7 +49,8 @@ def test_a_board_has_its_own_layout_unless_another_is_asked_for(run, boards):
     code, out, _ = run("estimate", boards, "--layout", "poses")
     assert (code, header(out)) == (0, COLUMNS)
     assert [row["circle"] for row in rows(out)][:5] == ["r0c0", "r0c1", "r0c2", "r0c3", "r1c0"]
-    code, out, _ = run("estimate", boards, "--layout", "pairs")
+    code, out, err = run("estimate", boards, "--layout", "pairs")
+    assert "are those of its layout, not measured" in err
     assert (code, header(out), len(rows(out))) == (0, PAIR_COLUMNS, 2 * 66)
     assert rows(out)[0] == {
         "image": "board0.png",

@@ -59,3 +59,8 @@ class LayoutChoice:
         """Yield a sentence where another layout might have been expected."""
         if self._asked is None and "board" in self._kinds and len(self._kinds) > 1:
             yield "some targets are boards, others not: each circle has a row, as by --layout poses"
+        if self._asked == "pairs" and "board" in self._kinds:
+            yield (
+                "distances within a board are those of its layout, not measured: all its circles have one pose; to "
+                "measure them take a target of kind circle with count: all"
+            )
