@@ -13,7 +13,7 @@ import numpy as np
 
 from circlepose._typing import FloatArray, IntArray
 from circlepose.boards.options import DEFAULT, BoardOptions
-from circlepose.boards.pose import RigidPose
+from circlepose.boards.pose import RigidPose, rotation_between
 from circlepose.boards.symmetry import symmetries
 from circlepose.camera.camera import Camera
 from circlepose.geometry.ellipse import Ellipse
@@ -107,24 +107,9 @@ def _hypotheses(
     for h, (i, candidate, j, other, p) in enumerate(table[:, :5].astype(np.int64).tolist()):
         center = seen.centers[i, candidate] * layout.radius_mm[a[p]]
         offset = seen.centers[j, other] * layout.radius_mm[b[p]] - center
-        rotations[h] = _turned(layout.normals[a[p]], on_board[p], seen.normals[i, candidate], offset)
+        rotations[h] = rotation_between(layout.normals[a[p]], on_board[p], seen.normals[i, candidate], offset)
         translations[h] = center - rotations[h] @ layout.centers_mm[a[p]]
     return rotations, translations
-
-
-def _turned(normal: FloatArray, offset: FloatArray, seen_normal: FloatArray, seen_offset: FloatArray) -> FloatArray:
-    """Return the rotation that takes `normal` to `seen_normal`, and `offset` as near to `seen_offset` as it can."""
-    return _frame(seen_normal, seen_offset) @ _frame(normal, offset).T
-
-
-def _frame(normal: FloatArray, offset: FloatArray) -> FloatArray:
-    across = offset - (offset @ normal) * normal
-    length = float(np.linalg.norm(across))
-    if length < 1e-9 * float(np.linalg.norm(offset)):
-        across = np.cross(normal, [1.0, 0.0, 0.0] if abs(normal[0]) < 0.9 else [0.0, 1.0, 0.0])
-        length = float(np.linalg.norm(across))
-    x = across / length
-    return np.stack([x, np.cross(normal, x), normal], axis=1)
 
 
 def _matched(

@@ -37,6 +37,11 @@ def turned(nodes: IntArray, turn: int, order: int) -> IntArray:
     return np.stack([a, b], axis=-1)
 
 
+def all_turns(node: Node, order: int) -> list[Node]:
+    """Return a node after none, one, ... of the turns of a lattice."""
+    return [(int(a), int(b)) for a, b in (turned(np.array(node), turn, order) for turn in range(order))]
+
+
 def shapes_of(ellipse: Ellipse) -> FloatArray:
     """Return (m, 2, 2) S of ellipses (m,): the points x with x' S^-1 x = 1 about the center are the rim, px^2."""
     cos, sin = np.cos(ellipse.angle), np.sin(ellipse.angle)
@@ -91,9 +96,7 @@ class _Search:
         self.step = neighbor_radii
         self.free = np.ones(len(ellipse), np.bool_)
         self.first, self.second, self.angle = self._neighbors()
-        self.steps = [(1, 0), (0, 1), (-1, 0), (0, -1)]
-        if order == 6:
-            self.steps = [(1, 0), (0, 1), (-1, 1), (-1, 0), (0, -1), (1, -1)]
+        self.steps = all_turns((1, 0), order)
 
     def _neighbors(self) -> tuple[IntArray, IntArray, FloatArray]:
         """Return the pairs (i, j) at the distance of neighbors, and the direction to j in the frame of i, rad."""
@@ -223,10 +226,9 @@ class _Search:
             return None
         offset = self.centers - place
         # In steps of the lattice as it is seen there.
-        apart = np.linalg.norm(np.linalg.solve(step, offset.T).T, axis=1)
-        if self.order == 6:
-            along = np.linalg.solve(step, offset.T)
-            apart = np.sqrt(np.maximum(along[0] ** 2 + along[1] ** 2 + along[0] * along[1], 0.0))
+        a, b = np.linalg.solve(step, offset.T)
+        square = a * a + b * b + (a * b if self.order == 6 else 0.0)
+        apart = np.sqrt(np.maximum(square, 0.0))
         apart[~self.free] = np.inf
         apart[list(used)] = np.inf
         best = int(np.argmin(apart))

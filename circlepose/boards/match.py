@@ -14,7 +14,8 @@ from circlepose.boards.lattice import Patch, lattices
 from circlepose.boards.options import DEFAULT, BoardOptions
 from circlepose.boards.placement import neighbor_radii, place
 from circlepose.boards.pose import pose_of_plane
-from circlepose.boards.refinement import FoundBoard, Scene, settled
+from circlepose.boards.refinement import FoundBoard, settled
+from circlepose.boards.scene import Scene
 from circlepose.boards.symmetry import symmetries
 from circlepose.targets.board import BoardLayout
 
@@ -62,7 +63,7 @@ def find_boards(scene: Scene, layout: BoardLayout, count: int | None, options: B
     while not patches or not (boards or refusals):
         if count is not None and len(boards) >= count:
             break
-        free = np.array([i for i in range(len(scene.rims)) if i not in taken], np.int64)
+        free = scene.others(taken)
         again = _by_pairs(scene, layout, free, taken, options) if len(free) > 1 else None
         if again is None:
             break

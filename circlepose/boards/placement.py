@@ -15,7 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from circlepose._typing import BoolArray, FloatArray, IntArray
-from circlepose.boards.lattice import Patch, turned
+from circlepose.boards.homography import projected
+from circlepose.boards.lattice import Patch, all_turns, turned
 from circlepose.boards.options import DEFAULT, BoardOptions
 from circlepose.boards.symmetry import symmetries
 from circlepose.geometry.ellipse import Ellipse
@@ -30,12 +31,6 @@ class Placement:
     """(k,) indices of ellipses"""
     circles: IntArray
     """(k,) of the layout's circles, of each of them"""
-    foreign: IntArray
-    """indices of the ellipses on the lattice that are not the layout's"""
-    missing: int
-    """circles of the layout that should be in the image and were not found"""
-    odds: float
-    """log odds of this place over the best other one, infinite where there is none"""
 
 
 def place(
@@ -65,7 +60,7 @@ def place(
     """
     assert layout.grid is not None
     same = symmetries(layout)
-    scored: list[tuple[float, IntArray, int]] = []
+    scored: list[tuple[float, IntArray]] = []
     sizes = _relative_sizes(patch, ellipse, options)
     size_noise = max(options.size_noise, 1.5 * float(np.median(np.abs(sizes - np.median(sizes)))))
     rings = np.zeros(len(patch.members), np.bool_) if is_ring is None else is_ring[patch.members]
@@ -73,20 +68,18 @@ def place(
         most = options.foreign_log * (len(nodes) - common)
         if scored and most < max(each[0] for each in scored) - 2.0 * options.decisive_log:
             break
-        score, circles, missing = _judged(
-            patch, nodes, sizes, size_noise, rings, ellipse, layout, image_size, options
-        )
+        score, circles = _judged(patch, nodes, sizes, size_noise, rings, ellipse, layout, image_size, options)
         # Equal but for a symmetry of the layout.
         again = any(
             np.array_equal(permutation[circles[circles >= 0]], other[circles >= 0])
             and (other >= 0).sum() == (circles >= 0).sum()
-            for _, other, _ in scored
+            for _, other in scored
             for permutation in same
         )
         if not again:
-            scored.append((score, circles, missing))
+            scored.append((score, circles))
     scored.sort(key=lambda each: -each[0])
-    best, circles, missing = scored[0]
+    best, circles = scored[0]
     odds = best - scored[1][0] if len(scored) > 1 else np.inf
     on_board = circles >= 0
     number, shared = len(circles), int(np.count_nonzero(on_board))
@@ -113,7 +106,7 @@ def place(
     between = _number_between(patch, ellipse, options)
     if between > max(options.most_foreign, options.between_share * number):
         return f"{between} circles as large lie between the {number} that could be the layout's: another spacing"
-    return Placement(patch.members[on_board], circles[on_board], patch.members[~on_board], missing, float(odds))
+    return Placement(patch.members[on_board], circles[on_board])
 
 
 def _candidates(patch: Patch, layout: BoardLayout, options: BoardOptions) -> Iterator[tuple[IntArray, int]]:
@@ -155,8 +148,8 @@ def _judged(
     layout: BoardLayout,
     image_size: tuple[int, int],
     options: BoardOptions,
-) -> tuple[float, IntArray, int]:
-    """Return the log likelihood of a place, the circle that each ellipse is, (k,) -1 for none, and how many miss."""
+) -> tuple[float, IntArray]:
+    """Return the log likelihood of a place, and the circle that each ellipse is, (k,) -1 for none."""
     index = layout.index_of_node
     circles = np.array([index.get((a, b), -1) for a, b in nodes.tolist()], np.int64)
     on_board = circles >= 0
@@ -166,7 +159,7 @@ def _judged(
     absent = np.setdiff1d(np.arange(len(layout)), circles[on_board])
     inside = _are_inside(patch, nodes, ellipse, layout.node_of[absent], image_size)
     groups = _groups(layout.node_of[absent[inside]], layout)
-    return score + options.hidden_log * groups, circles, int(np.count_nonzero(inside))
+    return score + options.hidden_log * groups, circles
 
 
 def _against_sizes(
@@ -193,7 +186,7 @@ def _groups(nodes: IntArray, layout: BoardLayout) -> int:
     order = layout.grid.order
     # With diagonals: they are the neighbors in a row of an asymmetric grid.
     first = [(1, 0), (1, 1)] if order == 4 else [(1, 0)]
-    steps = [turned(np.array(step), turn, order).tolist() for step in first for turn in range(order)]
+    steps = [step for node in first for step in all_turns(node, order)]
     left = {(a, b) for a, b in nodes.tolist()}
     number = 0
     while left:
@@ -245,49 +238,6 @@ def _are_inside(
             & (places[:, 1] > margin)
             & (places[:, 1] < height - 1.0 - margin)
         )
-
-
-def projected(source: FloatArray, target: FloatArray, points: FloatArray) -> FloatArray:
-    """Return `points` (j, 2) by the projective map that takes `source` (k, 2) to `target` (k, 2).
-
-    NaN behind the camera. The map is affine with fewer than 6 points, or those of one line or two.
-    """
-    homography = fitted_homography(source, target)
-    mapped = np.column_stack([points, np.ones(len(points))]) @ homography.T
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(mapped[:, 2:] > 1e-9, mapped[:, :2] / mapped[:, 2:], np.nan)
-
-
-def fitted_homography(source: FloatArray, target: FloatArray) -> FloatArray:
-    """Return (3, 3) the least-squares homography from `source` (k, 2) to `target` (k, 2), positive on the source."""
-    to_source, to_target = _centered(source), _centered(target)
-    x, y = (source @ to_source[:2, :2].T + to_source[:2, 2]).T
-    u, v = (target @ to_target[:2, :2].T + to_target[:2, 2]).T
-    one, zero = np.ones_like(x), np.zeros_like(x)
-    affine = np.linalg.lstsq(np.column_stack([x, y, one]), np.column_stack([u, v]), rcond=None)[0]
-    local = np.vstack([affine.T, [0.0, 0.0, 1.0]])
-    if len(x) >= 6:
-        rows = np.concatenate(
-            [
-                np.column_stack([x, y, one, zero, zero, zero, -u * x, -u * y, -u]),
-                np.column_stack([zero, zero, zero, x, y, one, -v * x, -v * y, -v]),
-            ]
-        )
-        _, values, vectors = np.linalg.svd(rows, full_matrices=False)
-        found = vectors[-1].reshape(3, 3)
-        depth = found[2] @ np.stack([x, y, one])
-        # Points of one or two lines leave a second solution.
-        if values[-2] > 1e-3 * values[0] and (np.all(depth > 0.0) or np.all(depth < 0.0)):
-            local = found * np.sign(depth[0])
-    return np.asarray(np.linalg.inv(to_target) @ local @ to_source)
-
-
-def _centered(points: FloatArray) -> FloatArray:
-    """Return (3, 3) the map that brings `points` (k, 2) to the mean 0 and about the extent 1."""
-    middle, extent = points.mean(axis=0), max(float(np.ptp(points, axis=0).max()), 1e-9)
-    return np.array(
-        [[1.0 / extent, 0.0, -middle[0] / extent], [0.0, 1.0 / extent, -middle[1] / extent], [0.0, 0.0, 1.0]]
-    )
 
 
 def _relative_sizes(patch: Patch, ellipse: Ellipse, options: BoardOptions) -> FloatArray:

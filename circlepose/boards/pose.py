@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from circlepose._typing import FloatArray
+from circlepose.boards.homography import homography_rows
 from circlepose.geometry.cone import plane_basis
 
 FREE = 6
@@ -110,18 +111,12 @@ def pose_of_plane(points_mm: FloatArray, rays: FloatArray, normal: FloatArray) -
         return None
     x, y = flat[ahead, 0] / extent, flat[ahead, 1] / extent
     u, v = rays[ahead, 0] / rays[ahead, 2], rays[ahead, 1] / rays[ahead, 2]
-    one, zero = np.ones_like(x), np.zeros_like(x)
-    rows = np.concatenate(
-        [
-            np.column_stack([x, y, one, zero, zero, zero, -u * x, -u * y, -u]),
-            np.column_stack([zero, zero, zero, x, y, one, -v * x, -v * y, -v]),
-        ]
-    )
+    rows = homography_rows(x, y, u, v)
     _, values, vectors = np.linalg.svd(rows, full_matrices=len(rows) < 9)
     if len(values) < 8 or values[7] < 1e-9 * values[0]:
         return None
     found = vectors[-1].reshape(3, 3)
-    found = found * np.sign(float(np.median(found[2] @ np.stack([x, y, one]))))
+    found = found * np.sign(float(np.median(found[2] @ np.stack([x, y, np.ones_like(x)]))))
     scale = np.sqrt(np.linalg.norm(found[:, 0]) * np.linalg.norm(found[:, 1]))
     across, down, place = found.T / scale
     left, _, right = np.linalg.svd(np.stack([across, down, np.cross(across, down)], axis=1))
@@ -139,6 +134,26 @@ def rotation_of(vector: FloatArray) -> FloatArray:
     if angle < 1e-8:
         return np.asarray(np.eye(3) + cross + 0.5 * cross @ cross)
     return np.asarray(np.eye(3) + np.sin(angle) / angle * cross + (1.0 - np.cos(angle)) / angle**2 * cross @ cross)
+
+
+def rotation_between(
+    normal: FloatArray, offset: FloatArray, seen_normal: FloatArray, seen_offset: FloatArray
+) -> FloatArray:
+    """Return the rotation (3, 3) of `normal` to `seen_normal`, and of `offset` as near to `seen_offset` as it can be.
+
+    All (3,), the normals of unit length.
+    """
+    return _frame(seen_normal, seen_offset) @ _frame(normal, offset).T
+
+
+def _frame(normal: FloatArray, offset: FloatArray) -> FloatArray:
+    across = offset - (offset @ normal) * normal
+    length = float(np.linalg.norm(across))
+    if length < 1e-9 * float(np.linalg.norm(offset)):
+        across = np.cross(normal, [1.0, 0.0, 0.0] if abs(normal[0]) < 0.9 else [0.0, 1.0, 0.0])
+        length = float(np.linalg.norm(across))
+    x = across / length
+    return np.stack([x, np.cross(normal, x), normal], axis=1)
 
 
 def circle_derivatives(rims: BoardRims, pose: RigidPose) -> FloatArray:

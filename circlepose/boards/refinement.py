@@ -2,26 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from circlepose._typing import BoolArray, FloatArray, IntArray
-from circlepose.boards.constellation import Sighting
 from circlepose.boards.diagnosis import why_misfit
 from circlepose.boards.fit import BoardFit, chance_of_second, chi_squares, fit_at, fit_board, minimum_near
 from circlepose.boards.options import DEFAULT, BoardOptions
 from circlepose.boards.pose import BoardRims, RigidPose, circles_at, mirrored
+from circlepose.boards.scene import Scene
 from circlepose.boards.symmetry import symmetries
 from circlepose.camera.camera import Camera
 from circlepose.fitting.cone_projection import image_ellipses
-from circlepose.fitting.observations import Observations
 from circlepose.geometry.cone import factor_from_circle
-from circlepose.geometry.cone_perturbation import MODES
 from circlepose.geometry.ellipse import Ellipse
-from circlepose.measurement.rim import Rim, modes_covariance
-from circlepose.rings.evidence import evidence_of_rim
 from circlepose.targets.board import BoardLayout
 
 
@@ -53,47 +48,6 @@ class FoundBoard:
             float(np.sqrt(np.mean(np.sum(offset[fit.used] ** 2, axis=1)))) if fit.used.any() else np.inf
             for fit, offset in zip(self.fits, self.offsets_px, strict=True)
         )
-
-
-class Scene:
-    """The rims of an image with what each says of its cone, computed where it is asked for."""
-
-    def __init__(
-        self,
-        rims: Sequence[Rim],
-        camera: Camera,
-        image_size: tuple[int, int],
-        seen: Sighting,
-        is_ring: BoolArray | None = None,
-    ) -> None:
-        self.rims, self.camera, self.image_size, self.seen, self.is_ring = rims, camera, image_size, seen, is_ring
-        self.ellipse = Ellipse.batch([rim.ellipse for rim in rims])
-        self.rays = camera.rays(self.ellipse.center)
-        self._evidence: dict[int, tuple[FloatArray, FloatArray]] = {}
-
-    def board_rims(self, layout: BoardLayout, members: IntArray, circles: IntArray) -> BoardRims:
-        """Return the rims `members` (k,) as those of the layout's `circles` (k,), by their largest radii."""
-        evidence = [self.evidence(i) for i in members.tolist()]
-        return BoardRims(
-            layout.centers_mm[circles],
-            layout.normals[circles],
-            layout.radius_mm[circles],
-            np.stack([self.rims[i].cone.factor for i in members.tolist()]),
-            np.stack([coefficients for coefficients, _ in evidence]),
-            np.stack([information for _, information in evidence]),
-        )
-
-    def evidence(self, i: int) -> tuple[FloatArray, FloatArray]:
-        """Return coefficients (5,) and information (5, 5) of the modes of rim i."""
-        if i not in self._evidence:
-            rim = self.rims[i]
-            covariance = modes_covariance(rim)
-            if covariance is not None and np.all(np.linalg.eigvalsh(covariance) > 0.0):
-                self._evidence[i] = np.zeros(MODES), np.asarray(np.linalg.inv(covariance))
-            else:
-                found = evidence_of_rim(rim, 1.0, Observations.of(self.camera, rim.points))
-                self._evidence[i] = found.coefficients, found.information
-        return self._evidence[i]
 
 
 def settled(
@@ -163,7 +117,7 @@ def _misfits(
     places, seen = _expected(scene.camera, layout, fit.pose, fit.growth)
     rim_of = dict(zip(circles[fit.used].tolist(), members[fit.used].tolist(), strict=True))
     others = taken | set(rim_of.values())
-    free = np.array([i for i in range(len(scene.rims)) if i not in others], np.int64)
+    free = scene.others(others)
     own = scene.ellipse[free]
     sizes = np.sqrt(own.semi_major * own.semi_minor)
     found = []
@@ -188,7 +142,7 @@ def _where_expected(
 ) -> tuple[IntArray, IntArray]:
     """Return the rims (k,) that lie where a pose puts circles of the layout, and these (k,)."""
     ellipse, seen = _expected(scene.camera, layout, pose, growth)
-    free = np.array([i for i in range(len(scene.rims)) if i not in taken], np.int64)
+    free = scene.others(taken)
     visible = np.flatnonzero(seen)
     own, expected = scene.ellipse[free], ellipse[visible]
     pairs: list[tuple[float, int, int]] = []

@@ -15,7 +15,8 @@ from circlepose.boards.marks import are_rings
 from circlepose.boards.match import find_boards
 from circlepose.boards.options import DEFAULT, BoardOptions
 from circlepose.boards.pose import BoardRims, circle_derivatives, circles_at
-from circlepose.boards.refinement import FoundBoard, Scene
+from circlepose.boards.refinement import FoundBoard
+from circlepose.boards.scene import Scene
 from circlepose.boards.uncertainty import board_terms
 from circlepose.camera.camera import Camera
 from circlepose.geometry.cone import plane_basis

@@ -8,6 +8,7 @@ import numpy as np
 
 from circlepose._typing import IntArray
 from circlepose.boards.lattice import turned
+from circlepose.boards.pose import rotation_between
 from circlepose.targets.board import BoardLayout
 
 _SAME_SHARE = 1e-3
@@ -52,7 +53,7 @@ def _of_list(layout: BoardLayout) -> list[IntArray]:
         alike = np.abs(np.linalg.norm(apart, axis=1) - np.linalg.norm(away)) < near
         alike &= np.abs(apart @ normals[a] - away @ normals[0]) < near
         for b in np.flatnonzero(alike).tolist():
-            turn = _frame(normals[a], apart[b]) @ _frame(normals[0], away).T
+            turn = rotation_between(normals[0], away, normals[a], apart[b])
             moved = (centers - centers[0]) @ turn.T + centers[a]
             distance = np.linalg.norm(moved[:, None] - centers[None], axis=2)
             permutation = np.argmin(distance, axis=1)
@@ -64,11 +65,3 @@ def _of_list(layout: BoardLayout) -> list[IntArray]:
             if is_same and not any(np.array_equal(permutation, other) for other in found):
                 found.append(permutation)
     return found
-
-
-def _frame(normal: np.ndarray, offset: np.ndarray) -> np.ndarray:
-    across = offset - (offset @ normal) * normal
-    if float(np.linalg.norm(across)) < 1e-9 * float(np.linalg.norm(offset)):
-        across = np.cross(normal, [1.0, 0.0, 0.0] if abs(normal[0]) < 0.9 else [0.0, 1.0, 0.0])
-    x = across / np.linalg.norm(across)
-    return np.stack([x, np.cross(normal, x), normal], axis=1)

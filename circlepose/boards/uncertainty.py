@@ -10,9 +10,9 @@ import numpy as np
 
 from circlepose._typing import FloatArray
 from circlepose.board_result import BoardTerms
-from circlepose.boards.pose import FREE, BoardRims, RigidPose, circle_derivatives, circles_at
+from circlepose.boards.pose import BoardRims, RigidPose, circle_derivatives, circles_at
 from circlepose.camera.camera import EXACT, Camera
-from circlepose.uncertainty.systematic import camera_deviations, rim_slopes
+from circlepose.uncertainty.systematic import camera_deviations, compensation, rim_slopes
 
 _MOST_RIMS = 60
 """Rims of a board that the camera's errors are followed through; the others move alike; cost."""
@@ -58,8 +58,6 @@ def _camera_moves(camera: Camera, rims: BoardRims, pose: RigidPose) -> FloatArra
         own, lens = rim_slopes(camera, center, normal, radius, 0.0)
         by_pose.append(own @ chain)
         by_camera.append(lens)
-    # In shares of the distance all parameters are of one kind.
     distance = max(float(np.linalg.norm(pose.translation)), 1e-9)
-    scale = np.array([distance] * 3 + [1.0] * (FREE - 3))
-    solved = np.linalg.lstsq(np.concatenate(by_pose) * scale, np.concatenate(by_camera), rcond=None)[0]
-    return np.asarray(-solved * scale[:, None] * camera_deviations(camera))
+    moves = compensation(np.concatenate(by_pose), np.concatenate(by_camera), distance)
+    return np.asarray(moves * camera_deviations(camera))

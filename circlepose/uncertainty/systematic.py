@@ -89,9 +89,21 @@ def camera_slopes(
         np.concatenate(parts)
         for parts in zip(*(rim_slopes(camera, center, normal, radius, along) for radius, along in rims), strict=True)
     )
+    return compensation(by_pose, by_camera, float(np.linalg.norm(center)))
+
+
+def compensation(by_pose: FloatArray, by_camera: FloatArray, distance: float) -> FloatArray:
+    """Return how a pose moves (p, 3) so that rims stay where they are seen, per change of the camera.
+
+    Parameters
+    ----------
+    by_pose, by_camera
+        (n, p) and (n, 3): how samples of the rims move with the pose, a place before its angles, and with the camera.
+    distance
+        Of the place, in its unit.
+    """
     # In shares of the distance all parameters are of one kind.
-    distance = float(np.linalg.norm(center))
-    scale = np.array([distance, distance, distance, 1.0, 1.0])
+    scale = np.array([distance] * 3 + [1.0] * (by_pose.shape[1] - 3))
     return np.asarray(-np.linalg.lstsq(by_pose * scale, by_camera, rcond=None)[0] * scale[:, None])
 
 

@@ -74,7 +74,7 @@ def test_missing_and_foreign_circles_do_not_move_the_others(name, missing, seed)
     own = found.members < len(kept)
     # A corner whose neighbors are missing is found later, by the pose.
     assert np.count_nonzero(own) >= len(kept) - 3
-    assert is_right(Placement(found.members[own], found.circles[own], found.foreign, 0, 0.0), layout, kept)
+    assert is_right(Placement(found.members[own], found.circles[own]), layout, kept)
 
 
 def test_a_hidden_row_leaves_two_places_and_is_refused():

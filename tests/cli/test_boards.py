@@ -14,7 +14,7 @@ from circlepose.io.tables.pair_rows import PAIR_COLUMNS
 from circlepose.results import Flag, ImageResult, Status
 from circlepose_cli.console.board_remarks import BoardTally
 from circlepose_cli.console.progress import Reporter
-from tests.support.board_results import BOARD_YAML, board_folder, made_board, made_board_result
+from tests.support.board_results import BOARD_YAML, TABLE_HEADER, board_folder, made_board, made_board_result
 from tests.support.discs import disc_folder
 from tests.support.processes import run as run_process
 from tests.support.processes import shell
@@ -73,31 +73,7 @@ def test_each_form_holds_the_same(run, boards, tmp_path):
     found = document["images"][0]["boards"][0]["solutions"][0]
     assert f"{found['x_mm']:.6f}" == whole[0]["x_mm"]
     table = run("estimate", boards, "--format", "table")[1]
-    assert table.splitlines()[0].split() == (
-        [
-            "image",
-            "#",
-            "x",
-            "mm",
-            "y",
-            "mm",
-            "z",
-            "mm",
-            "qw",
-            "qx",
-            "qy",
-            "qz",
-            "±",
-            "mm",
-            "±",
-            "deg",
-            "circles",
-            "rms",
-            "px",
-            "ambiguity",
-            "remarks",
-        ]
-    )
+    assert table.splitlines()[0].split() == TABLE_HEADER
     assert "12/12" in table
     parquet = pytest.importorskip("pyarrow.parquet")
     for _ in range(2):  # the second time it replaces a file of its own

@@ -18,6 +18,30 @@ BOARD_YAML = (
     f"kind: board\nradius_mm: {RADIUS_MM:g}\n"
     f"grid: {{pattern: symmetric, rows: {ROWS}, columns: {COLUMNS}, spacing_mm: {SPACING_MM:g}}}\n"
 )
+TABLE_HEADER = [
+    "image",
+    "#",
+    "x",
+    "mm",
+    "y",
+    "mm",
+    "z",
+    "mm",
+    "qw",
+    "qx",
+    "qy",
+    "qz",
+    "±",
+    "mm",
+    "±",
+    "deg",
+    "circles",
+    "rms",
+    "px",
+    "ambiguity",
+    "remarks",
+]
+"""Of a table of boards on a wide terminal."""
 ROTATION = cv2.Rodrigues(np.array([0.4, -0.3, 0.1]))[0]
 TRANSLATION = np.array([-80.0, -60.0, 600.0])
 POINTS_MM = np.array([[c * SPACING_MM, r * SPACING_MM, 0.0] for r in range(ROWS) for c in range(COLUMNS)])

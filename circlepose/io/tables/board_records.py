@@ -5,6 +5,7 @@ from __future__ import annotations
 from circlepose._typing import FloatArray
 from circlepose.io.tables.board_rows import board_candidate_fields, board_fields
 from circlepose.io.tables.columns import Row
+from circlepose.io.tables.json_records import image_head
 from circlepose.results import BoardResult, ImageResult
 
 BOARDS_SCHEMA = "circlepose.boards/1"
@@ -15,16 +16,8 @@ def board_image_record(result: ImageResult, *, chosen_only: bool = False) -> Row
 
     With `chosen_only` a board's solutions are the one that is chosen, under its number.
     """
-    width, height = result.image_size or (None, None)
-    return {
-        "image": result.image,
-        "status": result.status,
-        "reason": result.reason,
-        "remark": result.remark,
-        "width": width,
-        "height": height,
-        "boards": [_board_record(board, chosen_only=chosen_only) for board in result.boards],
-    }
+    boards = [_board_record(board, chosen_only=chosen_only) for board in result.boards]
+    return image_head(result) | {"boards": boards}
 
 
 def _board_record(board: BoardResult, *, chosen_only: bool) -> Row:

@@ -20,11 +20,8 @@ POSES_SCHEMA = "circlepose.poses/1"
 _CONTROLS = re.compile("[\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
 
 
-def image_record(result: ImageResult, *, chosen_only: bool = False) -> Row:
-    """Return one image as nested values; every key is always there, None where there is nothing to say.
-
-    With `chosen_only` a circle's solutions are the one that is chosen, under its number.
-    """
+def image_head(result: ImageResult) -> Row:
+    """Return what is said of an image whatever was measured in it."""
     width, height = result.image_size or (None, None)
     return {
         "image": result.image,
@@ -33,6 +30,15 @@ def image_record(result: ImageResult, *, chosen_only: bool = False) -> Row:
         "remark": result.remark,
         "width": width,
         "height": height,
+    }
+
+
+def image_record(result: ImageResult, *, chosen_only: bool = False) -> Row:
+    """Return one image as nested values; every key is always there, None where there is nothing to say.
+
+    With `chosen_only` a circle's solutions are the one that is chosen, under its number.
+    """
+    return image_head(result) | {
         "planes": [_plane_record(number, plane) for number, plane in enumerate(result.planes)],
         "circles": [_circle_record(circle, chosen_only=chosen_only) for circle in result.circles],
     }

@@ -23,7 +23,7 @@ from circlepose.results import Flag, ImageResult, Status
 from circlepose.targets.target import Target
 from circlepose_cli.console.terminal import fitted
 from circlepose_cli.output.table import write_table
-from tests.support.board_results import made_board, made_board_result
+from tests.support.board_results import TABLE_HEADER, made_board, made_board_result
 from tests.support.discs import NORMAL, RADIUS_MM, disc_folder, discs_image, made_circle, made_result
 from tests.support.paths import ROOT
 from tests.support.processes import COMMAND, environment
@@ -138,31 +138,7 @@ def test_a_table_of_boards_fits_and_its_numbers_are_whole(measured, width, layou
         # A table, not one value a line.
         assert any(line.startswith(" ───") for line in lines)
     if layout == "boards" and width == 200:
-        assert lines[0].split() == (
-            [
-                "image",
-                "#",
-                "x",
-                "mm",
-                "y",
-                "mm",
-                "z",
-                "mm",
-                "qw",
-                "qx",
-                "qy",
-                "qz",
-                "±",
-                "mm",
-                "±",
-                "deg",
-                "circles",
-                "rms",
-                "px",
-                "ambiguity",
-                "remarks",
-            ]
-        )
+        assert lines[0].split() == TABLE_HEADER
         assert "1/12" in lines[2]
         assert any(line.endswith("layout_mismatch") for line in lines)
 
