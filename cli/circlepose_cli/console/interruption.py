@@ -57,11 +57,14 @@ class Interruption:
 
     def __enter__(self) -> Self:
         self._before = {number: signal.signal(number, self._note) for number in _numbers()}
+        self._unraisable_before = sys.unraisablehook
+        sys.unraisablehook = self._unraisable
         return self
 
     def __exit__(self, *_: object) -> None:
         for number, handler in self._before.items():
             signal.signal(number, handler)
+        sys.unraisablehook = self._unraisable_before
 
     def _note(self, number: int, frame: FrameType | None) -> None:
         if self.received or not self._begun:
@@ -69,6 +72,12 @@ class Interruption:
         self.received = True
         if self._waiting:
             raise KeyboardInterrupt
+
+    def _unraisable(self, unraisable: sys.UnraisableHookArgs) -> None:
+        # An interrupt that strikes within a callback (of an import, of a collected object) is lost there.
+        # It is noted all the same, and the wait ends with its row.
+        if not (self.received and isinstance(unraisable.exc_value, KeyboardInterrupt)):
+            self._unraisable_before(unraisable)
 
     @contextmanager
     def waiting(self) -> Iterator[None]:
