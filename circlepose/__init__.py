@@ -21,6 +21,7 @@ from circlepose._version import __version__ as __version__
 
 if TYPE_CHECKING:
     from circlepose.batch.files import measure as measure
+    from circlepose.boards.world import relative_to_world as relative_to_world
     from circlepose.camera.camera import Camera as Camera
     from circlepose.camera.camera import CameraSigma as CameraSigma
     from circlepose.diagnostics.explain import Explanation as Explanation
@@ -86,6 +87,7 @@ _HOME = {
     "read_camera": "io.calibration.reader",
     "read_image": "io.images.reader",
     "read_target": "io.target_file",
+    "relative_to_world": "boards.world",
     "to_dataframe": "io.tables.frames",
     "to_rows": "io.tables.frames",
 }

@@ -20,6 +20,7 @@ class Status(StrEnum):
     NO_CIRCLE = "no_circle"
     TOO_FEW_CIRCLES = "too_few_circles"
     LAYOUT_MISMATCH = "layout_mismatch"
+    NO_WORLD_BOARD = "no_world_board"
     NO_POSE = "no_pose"
     TOO_FEW_POINTS = "too_few_points"
     POINTS_COINCIDE = "points_coincide"
@@ -41,6 +42,7 @@ STATUS_MEANING: Mapping[Status, str] = {
     Status.NO_CIRCLE: "nothing in the image is the image of the target",
     Status.TOO_FEW_CIRCLES: "fewer targets were found than were asked for; this row stands for those missing",
     Status.LAYOUT_MISMATCH: "the circles found are not those of the board's layout, or fit it in more than one place",
+    Status.NO_WORLD_BOARD: "the world board, to which poses are relative, was not found, or more than once",
     Status.NO_POSE: "the contour was found but has no pose by this method",
     Status.TOO_FEW_POINTS: "the contour has fewer than 6 points",
     Status.POINTS_COINCIDE: "all points of the contour are the same",

@@ -257,6 +257,8 @@ class ImageResult:
     """what else is to be said of the image: that its file has more pages, that it is a raw mosaic or interlaced"""
     planes: tuple[Plane, ...] = ()
     """the planes that lone circles share; see `CircleResult.plane`"""
+    world: BoardResult | None = None
+    """the world board, which `relative_to_world` takes as the frame; all of this result is in the camera frame"""
 
     def __repr__(self) -> str:
         size = "" if self.image_size is None else f", {self.image_size[0]} x {self.image_size[1]} px"

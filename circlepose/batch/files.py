@@ -15,6 +15,7 @@ from circlepose.errors import ArgumentError, UsageError
 from circlepose.io.inputs.images import InputImage, expand_inputs
 from circlepose.io.remote.images import is_url, place_of
 from circlepose.io.text.escaping import redacted
+from circlepose.pipeline.world import check_world_board
 from circlepose.results import ImageResult
 from circlepose.solvers import METHODS, methods_for
 from circlepose.targets.target import Target
@@ -30,6 +31,7 @@ def measure(
     camera: Camera,
     target: Target,
     *,
+    world_board: Target | None = None,
     recursive: bool = False,
     jobs: int | None = 1,
     timeout_s: float | None = None,
@@ -48,7 +50,7 @@ def measure(
     images
         A file, a folder, a glob or a URL, or a sequence of them, as the command line takes them. Of an iterator each
         part is the path or URL of one image and is taken shortly before it is measured, so that it may be endless.
-    camera, target
+    camera, target, world_board
         As of `circlepose.estimate`; the same for all images.
     recursive
         Whether a folder also stands for the images in the folders below it.
@@ -73,6 +75,7 @@ def measure(
     """
     _arguments.instance_of(Camera, "camera", camera, _arguments.HOW_CAMERA)
     _arguments.instance_of(Target, "target", target, _arguments.HOW_TARGET)
+    check_world_board(world_board, target)
     _arguments.one_of(("all", *METHODS), "method", method)
     methods_for(target.kind, method)
     _arguments.one_of(EXTRACTIONS, "extraction", extraction)
@@ -90,7 +93,7 @@ def measure(
     if timeout_s is not None and _arguments.number("timeout_s", timeout_s, "a positive time in s") <= 0.0:
         raise ArgumentError(f"timeout_s: expected a positive time in s, got {timeout_s:g}.")
     found = _found(images, _arguments.truth("recursive", recursive))
-    items = (WorkItem(image.path, image.name, camera, target) for image in found)
+    items = (WorkItem(image.path, image.name, camera, target, world_board=world_board) for image in found)
     if jobs == 1 and timeout_s is None:
         return measure_here(items, options, _log_bug)
     return measure_files(items, options, jobs, timeout_s, _log_bug)

@@ -50,6 +50,8 @@ class WorkItem:
     """where to write the picture of the result, if anywhere"""
     overwrite: bool = False
     """whether the picture may replace a file that circlepose did not write"""
+    world_board: Target | None = None
+    """the board in the image to which poses are to be relative, if any"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,6 +98,7 @@ def _measure_file(item: WorkItem, options: MeasureOptions) -> ImageResult:
         image,
         item.camera,
         item.target,
+        world_board=item.world_board,
         method=options.method,
         refine=options.refine,
         extraction=options.extraction,

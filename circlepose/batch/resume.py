@@ -42,6 +42,8 @@ class _Entry:
     """digest"""
     target: str
     """digest"""
+    world_board: str
+    """digest"""
 
     @property
     def key(self) -> str:
@@ -97,6 +99,7 @@ def _entry(item: WorkItem) -> _Entry | None:
         overlay=None if item.overlay is None else str(item.overlay),
         camera=_camera_digest(item.camera),
         target=_target_digest(item.target),
+        world_board=_target_digest(item.world_board),
     )
 
 
@@ -113,10 +116,11 @@ def _finished(entry: _Entry, item: WorkItem, journal: Journal, warn: Callable[[s
         return None
     if before.key != entry.key or result.image != item.name:
         return None
-    for what in ("camera", "target"):
+    for what in ("camera", "target", "world_board"):
         if getattr(before, what) != getattr(entry, what):
+            name = what.replace("_", " ")
             raise UsageError(
-                f"{journal.path}: {item.name} was measured with another {what}. Give the {what} of that run, "
+                f"{journal.path}: {item.name} was measured with another {name}. Give the {name} of that run, "
                 "or leave out --resume to measure all images again."
             )
     if not {circle.radius_mm for circle in result.circles} <= set(item.target.radii_mm):
@@ -135,7 +139,7 @@ def _camera_digest(camera: Camera) -> str:
 
 
 @lru_cache(maxsize=64)
-def _target_digest(target: Target) -> str:
+def _target_digest(target: Target | None) -> str:
     return _digest(repr(target))
 
 

@@ -36,6 +36,7 @@ class Rejection(StrEnum):
     POLARITY = "brighter or darker inside than asked for"
     DUPLICATE = "same edge as a contour kept"
     INSIDE_ANOTHER = "concentric with and inside a larger contour"
+    WORLD_BOARD = "a circle of the world board"
     DEPTH = "depth outside its range"
     NO_POSE = "what is seen of its rim settles no pose"
     BEYOND_COUNT = "more than --count, with less evidence"

@@ -9,13 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from circlepose._typing import FloatArray
-from circlepose.board_result import BoardPose
+from circlepose.board_result import BoardPose, BoardResult
 from circlepose.camera.camera import Camera
 from circlepose.diagnostics.boards import BoardView
 from circlepose.drawing import board_words
 from circlepose.drawing.canvas import Pen
 from circlepose.drawing.heading import LegendItem
-from circlepose.drawing.labels import Label, Plan, Room, plan_labels
+from circlepose.drawing.labels import Label, Plan, Room, draw_labels, plan_labels
 from circlepose.drawing.rims import rim_of
 from circlepose.drawing.style import AMBIGUOUS, AXES, CHOSEN, MISFIT, OTHER, UNUSED, Color
 
@@ -30,6 +30,8 @@ _DASHES = 12
 """Of a rim that was not seen."""
 _LEAST_AXIS_UNITS = 40.0
 """An axis is whole spacings long, and drawn no shorter than this where it is seen from the side."""
+_WORLD_STEP = 0.03
+"""Of the distance of a world board; its axes are whole powers of ten long, about this or a few."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,9 +80,9 @@ def draw_boards(pen: Pen, room: Room, views: Sequence[BoardView], camera: Camera
         corners += [at[i] for i in view.extreme(visible)]
     tips, lengths = [], []
     for view in views:
-        length = _axis_length(view, camera, pen)
+        length = _axis_length(view.board.pose, view.spacing_mm, camera, pen)
         lengths.append(length)
-        tips += _draw_axes(pen, room, view, camera, length)
+        tips += _draw_axes(pen, room, view.board, camera, length)
     has_other = any(board_words.is_doubtful(view.board) and len(view.board.candidates) > 1 for view in views)
     return DrawnBoards(
         frozenset(colors),
@@ -91,6 +93,19 @@ def draw_boards(pen: Pen, room: Room, views: Sequence[BoardView], camera: Camera
         has_other=has_other,
         is_z_away=all(view.side > 0.0 for view in views),
     )
+
+
+def draw_world(pen: Pen, room: Room, world: BoardResult, camera: Camera) -> tuple[LegendItem, ...]:
+    """Draw the axes of a world board, and return what the legend says of them."""
+    far = float(np.linalg.norm(world.pose.translation))
+    step = 10.0 ** math.floor(math.log10(max(far, 1e-9) * _WORLD_STEP))
+    length = _axis_length(world.pose, step, camera, pen)
+    tips = _draw_axes(pen, room, world, camera, length)
+    plan = plan_labels(pen.canvas, room, tips, [size * pen.unit for size in _AXIS_SIZES])
+    room.keep_labels(plan)
+    draw_labels(pen.canvas, plan)
+    names = ("x axis", "y axis", f"z axis of the world board, {length:.4g} mm long")
+    return tuple(LegendItem("thin arrow", color, name) for color, name in zip(AXES, names, strict=True))
 
 
 def plan_names(pen: Pen, room: Room, drawn: DrawnBoards) -> list[Plan]:
@@ -133,14 +148,13 @@ def _color_of_used(view: BoardView) -> Color:
     return AMBIGUOUS if board_words.is_doubtful(view.board) else CHOSEN
 
 
-def _axis_length(view: BoardView, camera: Camera, pen: Pen) -> float:
-    """Return how long the axes are, mm: a spacing, or a few where one would be too short to be seen."""
-    spacing = view.spacing_mm
-    ends = camera.project(_axis_points(view.board.pose, spacing)[:, [0, -1]])
+def _axis_length(pose: BoardPose, step_mm: float, camera: Camera, pen: Pen) -> float:
+    """Return how long the axes are, mm: a step, or a few where one would be too short to be seen."""
+    ends = camera.project(_axis_points(pose, step_mm)[:, [0, -1]])
     seen = float(np.nanmax(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=-1), initial=0.0)) * pen.enlargement
     if not seen > 0.0:
-        return spacing
-    return spacing * max(1, math.ceil(_LEAST_AXIS_UNITS * pen.unit / seen))
+        return step_mm
+    return step_mm * max(1, math.ceil(_LEAST_AXIS_UNITS * pen.unit / seen))
 
 
 def _axis_points(pose: BoardPose, length_mm: float) -> FloatArray:
@@ -149,9 +163,8 @@ def _axis_points(pose: BoardPose, length_mm: float) -> FloatArray:
     return np.asarray(pose.translation + along[:, None] * pose.rotation.T[:, None])
 
 
-def _draw_axes(pen: Pen, room: Room, view: BoardView, camera: Camera, length_mm: float) -> list[Label]:
+def _draw_axes(pen: Pen, room: Room, board: BoardResult, camera: Camera, length_mm: float) -> list[Label]:
     """Draw the axes of a board, and return the labels of their tips."""
-    board = view.board
     if board_words.is_doubtful(board):
         for i, pose in enumerate(board.candidates):
             if i != board.chosen:

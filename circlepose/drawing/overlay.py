@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from circlepose import _arguments
 from circlepose._typing import Image
+from circlepose.boards.world import relative_to_world
 from circlepose.camera.camera import Camera
 from circlepose.diagnostics.boards import BoardView, board_views
 from circlepose.diagnostics.explain import camera_of
 from circlepose.drawing import board_overlay, board_words, words
-from circlepose.drawing.board_overlay import draw_boards, plan_names
+from circlepose.drawing.board_overlay import draw_boards, draw_world, plan_names
 from circlepose.drawing.canvas import Pen
 from circlepose.drawing.display import boxes_around, displayed, enlarged
 from circlepose.drawing.heading import Heading, LegendItem
@@ -38,6 +40,7 @@ MOST_CAPTIONS = 4
 """with more targets there are only their numbers, and the poses stand above the image"""
 MOST_ROWS = 12
 """with more targets the poses are only in the table of `estimate`"""
+IN_WORLD = "poses relative to the world board"
 _NUMBER_SIZES = (0.5, 0.42, 0.35, 0.29, 0.24)
 _OFF_PX = 0.5
 """The camera is another one if it sees a center farther than this from where it was seen."""
@@ -88,9 +91,10 @@ def draw_overlay(image: Image, result: ImageResult, camera: Camera) -> Image:
     canvas, enlargement = enlarged(shown, _typical_px(circles))
     unit = unit_of(canvas)
     pen, room = Pen(canvas, enlargement, unit), Room.of(canvas, unit)
+    of_world = () if result.world is None else draw_world(pen, room, result.world, camera)
     views = board_views(result)
     if views:
-        return _with_boards(pen, room, views, camera, result, remark)
+        return _with_boards(pen, room, views, camera, result, remark, of_world)
     drawn = [Drawn.of(circle, camera, enlargement) for circle in circles]
     draw_rims(pen, room, drawn)
     arrows = [arrow for each in drawn for arrow in each.arrows]
@@ -99,21 +103,36 @@ def draw_overlay(image: Image, result: ImageResult, camera: Camera) -> Image:
     room.spare_lines([pen.at(np.stack([tail, head])) for tail, head, _, _ in arrows])
     for each in drawn:
         draw_center(pen, each.circle)
+    # What is written is what the table has.
+    told = result if result.world is None else relative_to_world(result)
+    circles = [circle for circle in told.circles if circle.method == methods[0]]
+    drawn = [replace(each, circle=circle) for each, circle in zip(drawn, circles, strict=True)]
     targets = _by_target(drawn)
     plan = _plan_labels(pen, room, targets)
     draw_labels(canvas, plan)
     has_captions = len(targets) <= MOST_CAPTIONS and plan.level == 0
     others = f"the first of {len(methods)} methods" if len(methods) > 1 else ""
+    frame = IN_WORLD if result.world is not None else ""
     left_out = f"{plan.left_out} of {len(targets)} numbers have no room" if plan.left_out else ""
     rows = () if has_captions else _rows(targets)
     heading = _heading(
-        result, circles, (others, remark, left_out), rows, _legend(drawn, has_numbers=not has_captions)
+        result,
+        circles,
+        (others, frame, remark, left_out),
+        rows,
+        (*_legend(drawn, has_numbers=not has_captions), *of_world),
     )
     return np.concatenate([heading.drawn(canvas.shape[1], unit), canvas])
 
 
 def _with_boards(
-    pen: Pen, room: Room, views: Sequence[BoardView], camera: Camera, result: ImageResult, remark: str
+    pen: Pen,
+    room: Room,
+    views: Sequence[BoardView],
+    camera: Camera,
+    result: ImageResult,
+    remark: str,
+    of_world: tuple[LegendItem, ...],
 ) -> Image:
     """Return the picture of boards."""
     drawn = draw_boards(pen, room, views, camera)
@@ -123,10 +142,11 @@ def _with_boards(
                 draw_center(pen, circle)
     for plan in plan_names(pen, room, drawn):
         draw_labels(pen.canvas, plan)
-    boards = [view.board for view in views]
+    boards = (result if result.world is None else relative_to_world(result)).boards
     rows = board_words.rows(boards) if 1 < len(boards) <= MOST_ROWS else ()
-    sentences = (*_failure(result), *board_words.sentences(boards), remark)
-    legend = (*board_overlay.legend(drawn), LegendItem("cross", CENTER, "imaged center"))
+    frame = IN_WORLD if result.world is not None else ""
+    sentences = (*_failure(result), *board_words.sentences(boards), frame, remark)
+    legend = (*board_overlay.legend(drawn), LegendItem("cross", CENTER, "imaged center"), *of_world)
     color = PANEL if result.status is Status.OK else PARTLY
     heading = Heading(result.image, tuple(each for each in sentences if each), legend, rows, color)
     return np.concatenate([heading.drawn(pen.canvas.shape[1], pen.unit), pen.canvas])

@@ -38,6 +38,13 @@ def why_no_disc(rim: Rim, options: MeasurementOptions) -> Rejection | None:
     return None
 
 
+def are_of(ellipses: Ellipse, circles: Ellipse, options: MeasurementOptions) -> BoolArray:
+    """Return which rims (m) are those of `circles` (k) that were seen, or of something printed in one."""
+    is_inside = rim_distance(circles, ellipses.center) < 0.0
+    is_larger = ellipses.semi_major > options.largest_of_circle * circles.semi_major[:, None]
+    return np.asarray((is_inside & ~is_larger).any(axis=0))
+
+
 def accepted(
     gray: Image,
     camera: Camera,

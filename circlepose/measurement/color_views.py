@@ -24,7 +24,7 @@ from circlepose.imaging.gray import gray_of
 from circlepose.imaging.noise import noise_of
 from circlepose.imaging.subpixel_edges import edges_along
 from circlepose.imaging.usable_pixels import UsablePixels, usable_pixels, without_odd_near
-from circlepose.measurement.acceptance import why_no_disc
+from circlepose.measurement.acceptance import are_of, why_no_disc
 from circlepose.measurement.blurred_rims import fit_all_levels
 from circlepose.measurement.intensity_fit import LevelFit, LevelFits
 from circlepose.measurement.options import DEFAULT, MeasurementOptions
@@ -85,6 +85,7 @@ def measure_circles(
     refine: bool,
     are_starts: bool,
     keep_fits: bool,
+    others: Ellipse | None = None,
     options: MeasurementOptions = DEFAULT,
 ) -> MeasuredCircles:
     """Measure the lone circles of an image in each of its views, and merge them.
@@ -99,6 +100,8 @@ def measure_circles(
         As of `measure_lone_circles`.
     keep_fits
         As of `fit_levels`.
+    others
+        (k) circles in the image that are not the target's.
     """
     views_of: list[_View] = []
 
@@ -120,6 +123,12 @@ def measure_circles(
         why_not = [why_no_disc(rim, options) for rim in fits.rims]
         if view is not None:
             why_not = _why_not_in_mix(why_not, fits.rims, views_of[0].pixels.whole, target.polarity, options)
+        if others is not None:
+            is_other = are_of(Ellipse.batch([rim.ellipse for rim in fits.rims]), others, options)
+            why_not = [
+                Rejection.WORLD_BOARD if other else reason
+                for other, reason in zip(is_other.tolist(), why_not, strict=True)
+            ]
         # Two contours of one rough or blurred rim may become the same rim.
         used = [i for i, reason in enumerate(why_not) if reason is None]
         ellipses = Ellipse.batch([fits.rims[i].ellipse for i in used])
@@ -131,8 +140,10 @@ def measure_circles(
             rejected[Rejection.BEYOND_COUNT] += len(used[target.count :])
         return _View(view, found.contours, pixels, rims, fits, found.nested, used[: target.count], rejected)
 
+    # The others are found, too: fewer than both together is too few.
+    enough = None if target.count is None else target.count + (0 if others is None else len(others))
     for view in views:
-        own = measured(view, target.count)
+        own = measured(view, enough)
         if target.count is not None and len(own.used) < min(target.count, len(own.rims)):
             # What is no disc after all must not stand for one that is.
             own = measured(view, None)

@@ -148,6 +148,9 @@ class MeasurementOptions:
     same_size_ratio: float = 0.7
     """size ratio from which they do; empirical"""
 
+    largest_of_circle: float = 1.25
+    """size of a rim over that of a circle around its center, above which it is another thing's; empirical"""
+
     # Degenerate cones and flags.
     settle_sigmas: float = 3.0
     """standard deviations by which the semi-axes must differ from each other, and the minor from 0; statistical"""

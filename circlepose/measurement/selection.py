@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 from circlepose._typing import Image
 from circlepose.camera.camera import Camera
 from circlepose.detection.contour import Contour, Rejection
 from circlepose.detection.detect import find_contours
+from circlepose.geometry.ellipse import Ellipse
+from circlepose.measurement.acceptance import are_of
 from circlepose.measurement.edge_fit import fit_rims
 from circlepose.measurement.nested_rims import MeasuredRim, chosen, listed
 from circlepose.measurement.options import DEFAULT, MeasurementOptions
@@ -34,6 +36,13 @@ class MeasuredContours:
     """how many contours were not used, by reason"""
     nested: tuple[tuple[NestedRim, ...], ...] = ()
     """of each rim of a lone circle, the concentric ones of which it was chosen; empty where it is alone"""
+
+    def without(self, circles: Ellipse, options: MeasurementOptions) -> MeasuredContours:
+        """Return what is left of the rims without those of `circles` (k) in the image."""
+        is_other = are_of(Ellipse.batch([rim.ellipse for rim in self.rims]), circles, options)
+        kept = tuple(rim for rim, other in zip(self.rims, is_other.tolist(), strict=True) if not other)
+        unused = Counter({Rejection.WORLD_BOARD: len(self.rims) - len(kept)})
+        return replace(self, rims=kept, rejected=self.rejected + unused)
 
 
 def measure_lone_circles(

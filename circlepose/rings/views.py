@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from circlepose._typing import Image
 from circlepose.camera.camera import Camera
+from circlepose.geometry.ellipse import Ellipse
 from circlepose.imaging.color_mixes import ColorMix
 from circlepose.measurement.color_views import fit_rims_in, pixels_in
 from circlepose.measurement.options import MeasurementOptions
@@ -30,12 +31,13 @@ def ring_targets_in_views(
     extraction: str,
     refine: bool,
     keep_fits: bool,
+    others: Ellipse | None,
     numbers: MeasurementOptions,
     options: RingOptions = DEFAULT,
 ) -> tuple[RingTargets, Trace, str]:
     """Return the ring targets of the view that shows most complete ones, and what is special of its pixels.
 
-    Of equal views the first, gray, counts.
+    Of equal views the first, gray, counts. `others` are circles in the image that are not the target's.
     """
     of_rings = replace(options, measurement=numbers)
     best: tuple[RingTargets, Trace, str] | None = None
@@ -48,6 +50,8 @@ def ring_targets_in_views(
         wanted = target if view is None else replace(target, polarity="any")
         # The polarity of a ring target is that of its largest circle.
         measured = measure_rings(gray, camera, intervals, extraction=extraction, refine=refine, options=numbers)
+        if others is not None:
+            measured = measured.without(others, numbers)
         matched = match_rings(measured.rims, camera, wanted, options=of_rings)
         starts = measured.rims
         if refine:

@@ -10,7 +10,7 @@ import io
 import itertools
 import pathlib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import EnumMeta
 from functools import cache
 from importlib.util import find_spec
@@ -23,11 +23,13 @@ from benchmarks.support.fuzz.formats import Format
 from benchmarks.support.fuzz.mutations import Rng, generator
 from circlepose import Camera, CameraSigma, CircleposeError, DirectionHint, Target
 from circlepose._arguments import shown
+from circlepose.board_result import BoardPose, BoardResult, BoardTerms
 from circlepose.detection import EXTRACTIONS
 from circlepose.disambiguation.options import DisambiguationOptions
 from circlepose.measurement.options import MeasurementOptions
 from circlepose.rings.options import RingOptions
 from circlepose.solvers import METHODS
+from circlepose.targets.board import BoardLayout, Grid
 
 MOST_CHARACTERS = 600
 """of a message"""
@@ -59,6 +61,7 @@ def calls() -> Mapping[str, Call]:
         "read_image": Call(circlepose.read_image, lambda: {"path": str(_PHOTOGRAPH)}),
         "draw_overlay": Call(circlepose.draw_overlay, _of_overlay),
         "to_rows": Call(circlepose.to_rows, lambda: {"results": [_result()]}),
+        "relative_to_world": Call(circlepose.relative_to_world, _of_relative),
         "to_dataframe": Call(_as_frame, lambda: {"results": [_result()]}),
         "Camera.create": Call(_measured_by, _of_camera),
         "Camera": Call(_measured_by_own, _of_own_camera),
@@ -352,6 +355,7 @@ def _of_estimate() -> dict[str, object]:
         "extraction": "edges",
         "scale_calibration": True,
         "name": "a",
+        "world_board": Target.board(BoardLayout.on_grid(5.0, Grid("symmetric", 2, 3, 20.0))),
     }
 
 
@@ -395,6 +399,12 @@ def _of_overlay() -> dict[str, object]:
 @cache
 def _result() -> circlepose.ImageResult:
     return circlepose.estimate(_picture(), _camera(), Target.circle(20.0), name="a")
+
+
+def _of_relative() -> dict[str, object]:
+    terms = BoardTerms(np.eye(6))
+    pose = BoardPose(np.eye(3), np.array([0.0, 0.0, 100.0]), terms.total, terms, 0.1)
+    return {"result": replace(_result(), world=BoardResult(0, (pose,), 0.0, (), 12))}
 
 
 def _of_camera() -> dict[str, object]:

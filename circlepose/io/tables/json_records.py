@@ -10,9 +10,10 @@ from typing import Any, TextIO
 
 from circlepose._typing import FloatArray
 from circlepose._version import __version__
+from circlepose.io.tables.board_rows import board_candidate_fields, board_fields
 from circlepose.io.tables.columns import Row, candidate_fields, circle_fields
 from circlepose.io.text.escaping import quoted
-from circlepose.results import CircleResult, CovarianceTerms, ImageResult, NestedRim, Plane
+from circlepose.results import BoardResult, CircleResult, CovarianceTerms, ImageResult, NestedRim, Plane
 
 POSES_SCHEMA = "circlepose.poses/1"
 
@@ -30,7 +31,17 @@ def image_head(result: ImageResult) -> Row:
         "remark": result.remark,
         "width": width,
         "height": height,
+        "world": None if result.world is None else _world_record(result.world),
     }
+
+
+def _world_record(world: BoardResult) -> Row:
+    """Return the pose of a world board in the camera frame."""
+    of_one = {"instance", "solution", "chosen"}
+    fields = board_fields(world) | board_candidate_fields(world, world.chosen)
+    covariance = world.candidates[world.chosen].covariance.tolist()
+    known = {key: value for key, value in fields.items() if key not in of_one}
+    return known | {"flags": list(world.flags), "covariance": covariance}
 
 
 def image_record(result: ImageResult, *, chosen_only: bool = False) -> Row:

@@ -48,7 +48,7 @@ def restored_result(plain: object) -> ImageResult:
         raise ValueError(f"image_size: {result.image_size} is no size")
     for circle in result.circles:
         _check_circle(circle)
-    for board in result.boards:
+    for board in (*result.boards, *((result.world,) if result.world else ())):
         _check_board(board)
     return result
 

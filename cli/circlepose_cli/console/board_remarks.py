@@ -17,10 +17,14 @@ class BoardTally:
         self._number: Counter[str] = Counter()
         self._growths: list[float] = []
         self._mismatches = 0
+        self._without_world = 0
+        self._turned_worlds = 0
 
     def count(self, result: ImageResult) -> None:
         """Take note of the boards of one image."""
         self._mismatches += result.status is Status.LAYOUT_MISMATCH
+        self._without_world += result.status is Status.NO_WORLD_BOARD
+        self._turned_worlds += result.world is not None and Flag.ROLL_AMBIGUOUS in result.world.flags
         for board in result.boards:
             self._number[_ALL] += 1
             self._number.update(_flags(board))
@@ -39,6 +43,16 @@ class BoardTally:
             yield (
                 f"{_images(self._mismatches)} layout_mismatch: compare pattern, rows, columns and spacing_mm of the "
                 "target with the board, have more of it in view; circlepose inspect shows which circles are found"
+            )
+        if self._without_world:
+            yield (
+                f"{_images(self._without_world)} no_world_board: have the whole board in view, once; circlepose "
+                "explain IMAGE with it as --target shows what was found of it"
+            )
+        if self._turned_worlds:
+            yield (
+                f"{_images(self._turned_worlds)} whose world board looks the same when it is turned: poses may be "
+                "turned with it; put a circle of another size on it and name it in marks of its file"
             )
         if ambiguous:
             yield (

@@ -82,6 +82,16 @@ class EstimateRequest:
             rich_help_panel=Group.OUTPUT,
         ),
     ] = None
+    world_board: Annotated[
+        str | None,
+        typer.Option(
+            "--world-board",
+            metavar="NAME|FILE",
+            help="Target file of a board in the same image: poses are relative to it, in its frame. A NAME is "
+            "NAME.yaml beside the images.",
+            rich_help_panel=Group.OUTPUT,
+        ),
+    ] = None
     chosen_only: Annotated[
         bool,
         typer.Option(

@@ -8,11 +8,12 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 from circlepose.camera.camera import CameraSigma
-from circlepose.errors import CalibrationError, TargetError, UsageError
+from circlepose.errors import ArgumentError, CalibrationError, TargetError, UsageError
 from circlepose.io.calibration.reader import CameraFile, read_camera_file
 from circlepose.io.remote.images import Place, RemoteFile
 from circlepose.io.target_file import find_beside, read_target, target_from_mapping
 from circlepose.io.text.escaping import printable
+from circlepose.pipeline.world import check_world_board
 from circlepose.targets import Direction
 from circlepose.targets.hints import NORMAL_SPREAD_DEG, UP_SPREAD_DEG, DirectionHint
 from circlepose.targets.target import AxisIntervals, Target
@@ -34,6 +35,10 @@ class Setup:
     """where the target came from, for a person"""
     target_path: Path | None = None
     """the target file, where there is one"""
+    world_board: Target | None = None
+    """the board in the images to which poses are relative, if any"""
+    world_path: Path | None = None
+    """its file"""
     notes: tuple[str, ...] = ()
     """sentences to say once: remarks on the calibration, and which files were found rather than named"""
 
@@ -42,9 +47,17 @@ class Setups:
     """The setup of each folder: found once, and given once to `on_new`."""
 
     def __init__(
-        self, known: CameraTargetOptions, on_new: Callable[[Place, Setup], None], *, force_calibration: bool = False
+        self,
+        known: CameraTargetOptions,
+        on_new: Callable[[Place, Setup], None],
+        *,
+        force_calibration: bool = False,
+        world_board: str | None = None,
     ) -> None:
-        """Take what the command line says; `force_calibration` uses a calibration that no camera has."""
+        """Take what the command line says; `force_calibration` uses a calibration that no camera has.
+
+        `world_board` is the file of a board, or its name beside the images.
+        """
         if known.target_file is not None and known.radius_mm is not None:
             raise UsageError("--target, --radius-mm: give one of them, not both.")
         if known.same_plane is not None and known.coplanar is not None:
@@ -52,6 +65,7 @@ class Setups:
         self._known = known
         self._on_new = on_new
         self._force_calibration = force_calibration
+        self._world_board = world_board
         self._by_folder: dict[Place, Setup] = {}
         self._cameras: dict[Path, CameraFile] = {}
         self._said: set[str] = set()
@@ -99,9 +113,12 @@ class Setups:
             except CalibrationError as error:
                 raise UsageError(with_options(str(error), self._known)) from None
             camera_file = replace(camera_file, camera=replace(camera_file.camera, sigma=sigma))
+        world_board, world_path = self._find_world(folder, target)
+        if world_path is not None:
+            notes.append(f"{printable(str(world_path))}: poses are in the frame of this board")
         new = tuple(note for note in notes if note not in self._said)
         self._said.update(new)
-        return Setup(camera_file, target, origin, target_path, new)
+        return Setup(camera_file, target, origin, target_path, world_board, world_path, new)
 
     def _find_target(self, folder: Place, camera_file: CameraFile) -> tuple[Target, str, Path | None]:
         if self._known.radius_mm is not None:
@@ -113,6 +130,25 @@ class Setups:
             origin = f"{camera_file.path}: target"
             return target_from_mapping(camera_file.target, origin), origin, None
         raise UsageError(_no_target(folder, camera_file.path))
+
+    def _find_world(self, folder: Place, target: Target) -> tuple[Target | None, Path | None]:
+        typed = self._world_board
+        if typed is None:
+            return None, None
+        is_name = Path(typed).name == typed and not Path(typed).suffix
+        path = _beside(folder, typed) if is_name else Path(typed)
+        if path is None:
+            raise UsageError(
+                f"--world-board {printable(typed)}: there is no {printable(typed)}.yaml in "
+                f"{printable(str(folder))}; put the board's target file there, or give its path."
+            )
+        world = read_target(path)
+        try:
+            check_world_board(world, target)
+        except ArgumentError as error:
+            reason = str(error).removeprefix("world_board: ")
+            raise UsageError(f"--world-board: {printable(str(path))}: {reason}") from None
+        return world, path
 
 
 def _check_exists(path: Place) -> None:

@@ -14,6 +14,7 @@ from pathlib import Path
 from circlepose.batch.journal import Journal
 from circlepose.batch.measure import MeasureOptions, WorkItem, available_cores, measure_files
 from circlepose.batch.resume import measure_with_journal
+from circlepose.boards.world import relative_to_world
 from circlepose.errors import ArgumentError, UsageError
 from circlepose.io.images.unread_kinds import skipped_line
 from circlepose.io.inputs.images import STDIN, InputImage, are_streamed, expand_inputs
@@ -59,6 +60,7 @@ def _run(request: EstimateRequest, held: ExitStack) -> int:
         request.known,
         lambda folder, setup: _accept_setup(reporter, outputs, folder, setup, request.method, layouts),
         force_calibration=request.stages.force_calibration,
+        world_board=request.world_board,
     )
     reference = _reference(request)
     outputs.refuse(request.reference, "the reference")
@@ -100,7 +102,7 @@ def _run(request: EstimateRequest, held: ExitStack) -> int:
                 layout = layouts.choose()
                 selection = _selection(request, output_format, layout)
                 write_output(
-                    chain(first, results),
+                    _in_frame(chain(first, results), request, layout),
                     handle,
                     output_format=output_format,
                     layout=layout,
@@ -127,6 +129,12 @@ def _run(request: EstimateRequest, held: ExitStack) -> int:
     if reporter.bugs:
         return BUG
     return SOME_FAILED if reporter.failures else 0
+
+
+def _in_frame(results: Iterable[ImageResult], request: EstimateRequest, layout: Layout) -> Iterable[ImageResult]:
+    """Return the results in the frame that is asked for."""
+    # Distances and angles are the same in any, and better known without the errors of a board.
+    return results if request.world_board is None or layout == "pairs" else map(relative_to_world, results)
 
 
 def _closing_notes(written: Place | None, skipped: Counter[str]) -> Iterator[str]:
@@ -194,6 +202,7 @@ def _refuse_pictures(
             setup = setups.for_image(image.path)
             pictures.refuse(setup.camera_file.path, "the calibration")
             pictures.refuse(setup.target_path, "the target")
+            pictures.refuse(setup.world_path, "the world board")
     pictures.refuse(request.reference, "the reference")
     pictures.refuse(output, "the table of -o")
     if isinstance(output, Path) and output.suffix.lower() == ".png" and overlays.holds(output):
@@ -234,13 +243,16 @@ def _work_items(
     for image in images:
         setup = setups.for_image(image.path)
         overlay = None if overlays is None else overlays.path_for(image)
-        yield WorkItem(image.path, image.name, setup.camera_file.camera, setup.target, overlay, overwrite)
+        camera, target, world = setup.camera_file.camera, setup.target, setup.world_board
+        yield WorkItem(image.path, image.name, camera, target, overlay, overwrite, world)
 
 
 def _check_form(output_format: FormatChoice, request: EstimateRequest) -> None:
     """Raise `UsageError` where options do not go together, before any file is read."""
     if request.cluster is not None and request.jobs is not None:
         raise UsageError("--jobs, --cluster: give one of them; the cluster has its own number of workers.")
+    if request.world_board is not None and request.layout is not None and not is_data_layout(request.layout):
+        raise UsageError("--world-board: goes with --layout poses, boards or pairs.")
     possible: tuple[Layout, ...] = USUAL if request.layout is None else (request.layout,)
     refusals = []
     for layout in possible:
@@ -263,6 +275,7 @@ def _accept_setup(
 ) -> None:
     outputs.refuse(setup.camera_file.path, "the calibration")
     outputs.refuse(setup.target_path, "the target")
+    outputs.refuse(setup.world_path, "the world board")
     try:
         methods_for(setup.target.kind, method)
     except ArgumentError as error:

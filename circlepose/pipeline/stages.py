@@ -1,14 +1,13 @@
-"""One image through all stages: detection, measurement, poses, disambiguation, uncertainty."""
+"""`estimate`: one image through all stages."""
 
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 from circlepose import _arguments
 from circlepose._typing import Image
-from circlepose.boards.options import BoardOptions
-from circlepose.boards.results import MeasuredBoards, measure_boards
+from circlepose.boards.results import MeasuredBoards
 from circlepose.camera.camera import Camera
 from circlepose.camera.image_size import size_mismatch
 from circlepose.camera.plausibility import misfit
@@ -16,46 +15,18 @@ from circlepose.detection import EXTRACTIONS
 from circlepose.detection.axis_intervals import axis_intervals
 from circlepose.detection.contour import Rejection
 from circlepose.detection.reasons import why_none
-from circlepose.disambiguation.options import DisambiguationOptions
-from circlepose.disambiguation.settle import settled
-from circlepose.imaging.color_mixes import ColorMix, ColorMixOptions, color_mixes
+from circlepose.imaging.color_mixes import color_mixes
 from circlepose.imaging.gray import to_channels
-from circlepose.measurement.color_views import measure_circles
-from circlepose.measurement.nested_rims import with_nested_rims
-from circlepose.measurement.options import MeasurementOptions
-from circlepose.measurement.poses import results_of_rims, with_doubt
+from circlepose.measurement.poses import with_doubt
 from circlepose.measurement.trace import Trace
+from circlepose.pipeline.lone_circles import lone_circles
+from circlepose.pipeline.options import ESTIMATE_OPTIONS, EstimateOptions
+from circlepose.pipeline.world import check_world_board, circles_of_boards, with_world
 from circlepose.results import CircleResult, Failure, Flag, ImageResult, Plane, Status
-from circlepose.rings.options import RingOptions
 from circlepose.rings.views import ring_targets_in_views
 from circlepose.solvers import METHODS, methods_for
-from circlepose.targets.board import BoardLayout
 from circlepose.targets.target import AxisIntervals, Target
 from circlepose.uncertainty.systematic import with_all_terms
-
-
-@dataclass(frozen=True, slots=True)
-class EstimateOptions:
-    """The tunable numbers of each stage: `options=` of `estimate`. The defaults suit all but odd images."""
-
-    measurement: MeasurementOptions = field(default_factory=MeasurementOptions)
-    """in it also those of the detection and of the fits to gray levels"""
-    rings: RingOptions = field(default_factory=RingOptions)
-    disambiguation: DisambiguationOptions = field(default_factory=DisambiguationOptions)
-    color_mixes: ColorMixOptions = field(default_factory=ColorMixOptions)
-    boards: BoardOptions = field(default_factory=BoardOptions)
-
-    def __post_init__(self) -> None:
-        _arguments.instance_of(ColorMixOptions, "color_mixes", self.color_mixes, "ColorMixOptions(...)")
-        _arguments.instance_of(BoardOptions, "boards", self.boards, "BoardOptions(...)")
-        _arguments.instance_of(MeasurementOptions, "measurement", self.measurement, "MeasurementOptions(...)")
-        _arguments.instance_of(RingOptions, "rings", self.rings, "RingOptions(...)")
-        _arguments.instance_of(
-            DisambiguationOptions, "disambiguation", self.disambiguation, "DisambiguationOptions(...)"
-        )
-
-
-ESTIMATE_OPTIONS = EstimateOptions()
 
 
 def estimate(
@@ -63,6 +34,7 @@ def estimate(
     camera: Camera,
     target: Target,
     *,
+    world_board: Target | None = None,
     method: str = "chen-huang",
     refine: bool = True,
     extraction: str = EXTRACTIONS[0],
@@ -86,6 +58,10 @@ def estimate(
         The calibration.
     target
         What to look for, and how many.
+    world_board
+        A target of kind board in the same image, of which `ImageResult.world` is the pose; `relative_to_world` takes
+        it as the frame. Its circles are not taken for the target's. Without it in the image, or with more than one,
+        the status is `no_world_board`.
     method
         A name of `circlepose.solvers.METHODS`, or `all`. `fu-zhou` is for ring targets only; `all` leaves it out for
         lone circles.
@@ -121,12 +97,13 @@ def estimate(
     ------
     ArgumentError
         On misuse, naming the parameter: an array that is no image, a camera or target of another type, an unknown
-        method, `fu-zhou` for a target of kind circle.
+        method, `fu-zhou` for a target of kind circle, a world board of another kind, or one that is the target.
     """
     return estimate_with_trace(
         image,
         camera,
         target,
+        world_board=world_board,
         method=method,
         refine=refine,
         extraction=extraction,
@@ -145,6 +122,7 @@ def estimate_with_trace(
     camera: Camera,
     target: Target,
     *,
+    world_board: Target | None = None,
     method: str = "chen-huang",
     refine: bool = True,
     extraction: str = EXTRACTIONS[0],
@@ -162,6 +140,7 @@ def estimate_with_trace(
     """
     _arguments.instance_of(Camera, "camera", camera, _arguments.HOW_CAMERA)
     _arguments.instance_of(Target, "target", target, _arguments.HOW_TARGET)
+    check_world_board(world_board, target)
     _arguments.one_of(("all", *METHODS), "method", method)
     _arguments.one_of(EXTRACTIONS, "extraction", extraction)
     _arguments.instance_of(EstimateOptions, "options", options, "circlepose.pipeline.EstimateOptions(...)")
@@ -177,6 +156,19 @@ def estimate_with_trace(
     unfit = _unfit(camera, size, scaled=scale_calibration, forced=force_calibration)
     if unfit is not None:
         return ImageResult(name, unfit.status, unfit.reason, image_size=size), Trace(camera, channels)
+    world = None
+    if world_board is not None:
+        world = estimate(
+            image,
+            camera,
+            replace(world_board, count=None),
+            refine=refine,
+            extraction=extraction,
+            scale_calibration=scale_calibration,
+            force_calibration=force_calibration,
+            options=options,
+        )
+    others = circles_of_boards(world)
     if camera.image_size not in (None, size):
         camera = camera.scaled_to(size)
     intervals = axis_intervals(target, camera, size, options.measurement.detection)
@@ -187,7 +179,7 @@ def estimate_with_trace(
     planes: tuple[Plane, ...] = ()
     own = replace(options, measurement=numbers)
     if target.kind in ("circle", "board"):
-        measured = _lone_circles(
+        measured = lone_circles(
             channels,
             views,
             camera,
@@ -197,6 +189,7 @@ def estimate_with_trace(
             extraction=extraction,
             refine=refine,
             keep_fits=keep_fits,
+            others=others,
             options=own,
         )
         circles, boards, planes = measured.circles, measured.boards, measured.planes
@@ -212,6 +205,7 @@ def estimate_with_trace(
             extraction=extraction,
             refine=refine,
             keep_fits=keep_fits,
+            others=others,
             numbers=numbers,
             options=options.rings,
         )
@@ -228,77 +222,7 @@ def estimate_with_trace(
     if remark:
         reason = "; ".join(each for each in (result.reason, remark) if each)
         result = replace(result, remark=remark, reason=reason if result.status is not Status.OK else "")
-    return result, trace
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _LoneCircles:
-    """The lone circles of an image, or the boards that they make up."""
-
-    circles: list[CircleResult]
-    boards: MeasuredBoards | None
-    planes: tuple[Plane, ...]
-    trace: Trace
-    rejected: Counter[Rejection]
-    remark: str
-    """what is special of the pixels"""
-
-
-def _lone_circles(
-    channels: Image,
-    views: tuple[ColorMix | None, ...],
-    camera: Camera,
-    target: Target,
-    intervals: AxisIntervals,
-    methods: tuple[str, ...],
-    *,
-    extraction: str,
-    refine: bool,
-    keep_fits: bool,
-    options: EstimateOptions,
-) -> _LoneCircles:
-    numbers, layout = options.measurement, target.layout
-    lone = target if layout is None else _circles_of(target, layout)
-    measured = measure_circles(
-        channels,
-        views,
-        camera,
-        lone,
-        intervals,
-        extraction=extraction,
-        refine=refine,
-        # The other methods, and rings, use the edges themselves.
-        are_starts=methods == ("chen-huang",),
-        keep_fits=keep_fits,
-        options=numbers,
-    )
-    trace = Trace(
-        camera,
-        channels,
-        measured.gray,
-        measured.contours,
-        measured.starts,
-        measured.rims,
-        measured.fits,
-        measured.mixes,
-    )
-    instances = range(len(trace.rims))
-    circles = results_of_rims(trace.rims, camera, methods, lone.radii_mm[0], instances, "disc", options=numbers)
-    circles = with_nested_rims(circles, measured.nested, numbers.detection)
-    boards, planes = None, tuple[Plane, ...]()
-    if layout is None:
-        planar = settled(circles, target, camera, options=options.disambiguation)
-        circles, planes = planar.circles, planar.planes
-    else:
-        boards = measure_boards(trace.rims, circles, camera, target, measured.gray, options=options.boards)
-        circles = list(boards.circles)
-    return _LoneCircles(circles, boards, planes, trace, measured.rejected, measured.remark)
-
-
-def _circles_of(target: Target, layout: BoardLayout) -> Target:
-    """Return the target of a board's circles by themselves."""
-    intervals, polarity = target.axis_intervals, target.polarity
-    return Target.circle(layout.usual_radius_mm, count="all", polarity=polarity, axis_intervals=intervals)
+    return with_world(result, world), trace
 
 
 def _with_mix(circle: CircleResult, trace: Trace) -> CircleResult:
