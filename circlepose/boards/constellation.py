@@ -135,7 +135,7 @@ def _matched(
     members = np.zeros(centers.shape[:2], np.int64)
     near = np.zeros(centers.shape[:2], np.bool_)
     own = seen.ellipse[free]
-    sizes = np.sqrt(own.semi_major * own.semi_minor)
+    sizes = own.size
     for h in range(len(rotations)):
         offset = places[h][:, None] - own.center[None]
         apart = np.linalg.norm(offset, axis=2)

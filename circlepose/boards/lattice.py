@@ -17,6 +17,8 @@ from circlepose.boards.options import DEFAULT, BoardOptions
 from circlepose.geometry.ellipse import Ellipse
 
 Node = tuple[int, int]
+_REACH = 2.25
+"""Steps by a circle's own ruler within which its neighbors are looked for; cost."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -92,7 +94,7 @@ class _Search:
         self.order = order
         self.centers = ellipse.center
         self.shapes = shapes_of(ellipse)
-        self.sizes = np.sqrt(ellipse.semi_major * ellipse.semi_minor)
+        self.sizes = ellipse.size
         self.step = neighbor_radii
         self.free = np.ones(len(ellipse), np.bool_)
         self.first, self.second, self.angle = self._neighbors()
@@ -100,13 +102,12 @@ class _Search:
 
     def _neighbors(self) -> tuple[IntArray, IntArray, FloatArray]:
         """Return the pairs (i, j) at the distance of neighbors, and the direction to j in the frame of i, rad."""
-        reach = 2.0 * self.step * self.sizes.max(initial=0.0) * 4.0
         order = np.argsort(self.centers[:, 0], kind="stable")
         first: list[IntArray] = []
         second: list[IntArray] = []
         x = self.centers[order, 0]
         for at, i in enumerate(order.tolist()):
-            own_reach = min(reach, self.step * 1.5 * 1.5 * float(np.sqrt(self.shapes[i].trace())))
+            own_reach = _REACH * self.step * float(np.sqrt(self.shapes[i].trace()))
             near = order[at + 1 : int(np.searchsorted(x, x[at] + own_reach))]
             near = near[np.abs(self.centers[near, 1] - self.centers[i, 1]) <= own_reach]
             ratio = self.sizes[near] / self.sizes[i]

@@ -215,8 +215,8 @@ def _number_between(patch: Patch, ellipse: Ellipse, options: BoardOptions) -> in
     for i in others[is_among].tolist():
         apart = np.linalg.norm(own.center - ellipse.center[i], axis=1)
         near = np.argsort(apart, kind="stable")[:4]
-        sizes = np.sqrt(own.semi_major[near] * own.semi_minor[near])
-        ratio = np.sqrt(float(ellipse.semi_major[i] * ellipse.semi_minor[i])) / float(np.median(sizes))
+        sizes = own[near].size
+        ratio = float(ellipse[i].size) / float(np.median(sizes))
         number += 1.0 / options.as_large < ratio < options.as_large
     return number
 
@@ -246,7 +246,7 @@ def _relative_sizes(patch: Patch, ellipse: Ellipse, options: BoardOptions) -> Fl
     Of equal circles in a plane the areas seen are as the cube of 1/depth, which is linear in the nodes.
     """
     own = ellipse[patch.members]
-    per_depth = np.cbrt(own.semi_major * own.semi_minor)
+    per_depth = own.size ** (2.0 / 3.0)
     nodes = patch.nodes - patch.nodes.mean(axis=0)
     design = np.column_stack([np.ones(len(nodes)), nodes])
     weight = np.ones(len(nodes))

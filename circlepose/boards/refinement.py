@@ -119,7 +119,7 @@ def _misfits(
     others = taken | set(rim_of.values())
     free = scene.others(others)
     own = scene.ellipse[free]
-    sizes = np.sqrt(own.semi_major * own.semi_minor)
+    sizes = own.size
     found = []
     for circle in np.flatnonzero(seen).tolist():
         if circle in rim_of or len(free) == 0:
@@ -146,11 +146,11 @@ def _where_expected(
     visible = np.flatnonzero(seen)
     own, expected = scene.ellipse[free], ellipse[visible]
     pairs: list[tuple[float, int, int]] = []
-    sizes = np.sqrt(own.semi_major * own.semi_minor)
+    sizes = own.size
     for at, circle in enumerate(visible.tolist()):
         reach = options.reach_radii * float(expected.semi_major[at]) + options.least_reach_px
         apart = np.linalg.norm(own.center - expected.center[at], axis=1)
-        size = float(np.sqrt(expected.semi_major[at] * expected.semi_minor[at]))
+        size = float(expected[at].size)
         near = np.flatnonzero((apart < reach) & (np.abs(np.log(sizes / size)) < np.log(options.alike_ratio)))
         pairs += [(float(apart[i]), int(free[i]), circle) for i in near.tolist()]
     members: dict[int, int] = {}

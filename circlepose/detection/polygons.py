@@ -42,7 +42,7 @@ def are_polygons(
     # A harmonic is no larger than the residuals.
     count = np.maximum(np.count_nonzero(on_rim, axis=1), 1)
     rms_px = np.sqrt(np.sum(np.where(on_rim, residual_px, 0.0) ** 2, axis=1) / count)
-    radius = np.sqrt(ellipse.semi_major * ellipse.semi_minor)
+    radius = ellipse.size
     least = (1.0 - options.polygon_slack) * _expected(np.array([options.most_corners]), blur_px, radius)[:, 0]
     may = np.flatnonzero(np.sqrt(2.0) * rms_px >= least * ellipse.semi_minor)
     if len(may):
@@ -75,7 +75,7 @@ def _have_corners(
     share = square / np.maximum(square.sum(axis=1), 1e-30)[:, None]
     number = np.count_nonzero(is_seen, axis=1)[:, None]
     by_chance = number * np.maximum(1.0 - share, 0.0) ** np.maximum(number - 1, 0)
-    expected = _expected(harmonics, blur_px, np.sqrt(ellipse.semi_major * ellipse.semi_minor))
+    expected = _expected(harmonics, blur_px, ellipse.size)
     is_high = np.abs(spectrum[:, harmonics] - expected) <= options.polygon_slack * expected
     few = harmonics <= options.most_corners
     return np.asarray((few & is_seen & is_high & (by_chance < options.polygon_chance)).any(axis=1))

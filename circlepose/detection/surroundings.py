@@ -80,7 +80,7 @@ def chance_scores(
     perimeters = ellipse.perimeter * 2.0 / _APART
     if not (len(edges.points) > options.chance_score * options.least_around * perimeters[may]).any():
         return most
-    size = np.sqrt(ellipse.semi_major * ellipse.semi_minor)
+    size = ellipse.size
     heights = cv2.subtract(cv2.dilate(edges.image, _SQUARE), cv2.erode(edges.image, _SQUARE))
     height = np.median(_at(heights, ellipse.points(_POINTS)), axis=1)
     of_edges = _at(heights, edges.points)

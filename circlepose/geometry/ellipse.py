@@ -148,6 +148,11 @@ class Ellipse:
         )
 
     @property
+    def size(self) -> FloatArray:
+        """(...) geometric mean of the semi-axes: the radius of the circle of the same area."""
+        return np.sqrt(self.semi_major * self.semi_minor)
+
+    @property
     def perimeter(self) -> FloatArray:
         """About the length of the rim (...), in the plane's unit: pi (a + b), a fifth too short of a segment."""
         return np.asarray(np.pi * (self.semi_major + self.semi_minor))
