@@ -110,6 +110,16 @@ def test_columns_and_rows_may_be_chosen(run, boards):
         (["--layout", "pairs", "--method", "all"], "--layout pairs: goes with one --method, not with all."),
         (["--columns", "center_x_mm"], "--columns: there is no column 'center_x_mm'; did you mean x_mm"),
         (["--columns", "zzz"], "--columns: there is no column 'zzz'; the columns are: image, instance,"),
+        (["--columns", "qw,zzz"], "--columns: there is no column 'zzz'; the columns are: image, instance,"),
+        (["--columns", "qw,zzz"], "settled_by; of boards also: x_mm, y_mm, z_mm, qw,"),
+        (
+            ["--columns", "qw,center_x_mm"],
+            "--columns: there is no column 'center_x_mm'; did you mean x_mm? the columns are: image,",
+        ),
+        (
+            ["--columns", "zzz,qw,rms,@"],
+            "--columns: there are no columns 'zzz', 'rms', '@'; did you mean rms_px? the columns are: image,",
+        ),
         (["--columns", "qw", "--format", "json"], "--columns: goes with csv, tsv, parquet and table; json always"),
         (["--layout", "pairs", "--columns", "qw"], "the columns are: image, first, second, distance_mm,"),
     ],

@@ -74,7 +74,8 @@ def test_columns_are_those_named_in_their_order(run, folder):
     [
         (["center_z"], "--columns: there is no column 'center_z'; did you mean center_z_mm"),
         (["image,,chosen"], "--columns: there is no column ''; the columns are: image, instance,"),
-        (["zzzzzz"], "settled_by."),
+        (["zzzzzz"], "settled_by; of boards also: x_mm,"),
+        (["image,center_z,zzz"], "--columns: there are no columns 'center_z', 'zzz'; did you mean center_z_mm? the"),
         (["image,chosen,image"], "--columns: image is there twice."),
         (["image", "--format", "json"], "--columns: goes with csv, tsv, parquet and table; json always has all keys"),
         (["image", "--format", "jsonl"], "jsonl always has all keys"),

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
+from itertools import chain
 
 from circlepose.errors import UsageError
 from circlepose.io.tables.columns import Row
@@ -31,14 +32,27 @@ class Selection:
 EVERYTHING = Selection()
 
 
-def read_columns(option: str, typed: str, known: tuple[str, ...]) -> tuple[str, ...]:
-    """Return those of the columns `known` that are written as NAME,NAME,...; raises `UsageError`."""
+def read_columns(
+    option: str, typed: str, known: tuple[str, ...], others: Mapping[str, tuple[str, ...]] | None = None
+) -> tuple[str, ...]:
+    """Return those of the columns `known` that are written as NAME,NAME,...; raises `UsageError`.
+
+    `others` are those of further layouts, by name, where it is not settled yet which will be written.
+    """
     names = tuple(name.strip() for name in typed.split(","))
+    further = {layout: [each for each in its if each not in known] for layout, its in (others or {}).items()}
+    every = list(dict.fromkeys(chain(known, *further.values())))
+    unknown = list(dict.fromkeys(name for name in names if name not in every))
+    if unknown:
+        most = 3 if len(unknown) == 1 else 1
+        close = [each for name in unknown for each in get_close_matches(name, every, n=most, cutoff=0.5)]
+        meant = f"did you mean {(' or ' if most > 1 else ', ').join(dict.fromkeys(close))}? " if close else ""
+        what = "there is no column" if len(unknown) == 1 else "there are no columns"
+        also = "".join(f"; of {layout} also: {', '.join(its)}" for layout, its in further.items())
+        raise UsageError(
+            f"{option}: {what} {', '.join(map(repr, unknown))}; {meant}the columns are: {', '.join(known)}{also}."
+        )
     for place, name in enumerate(names):
-        if name not in known:
-            close = get_close_matches(name, known, n=3, cutoff=0.5)
-            meant = f"did you mean {' or '.join(close)}? " if close else ""
-            raise UsageError(f"{option}: there is no column {name!r}; {meant}the columns are: {', '.join(known)}.")
         if name in names[:place]:
             raise UsageError(f"{option}: {name} is there twice.")
     return names

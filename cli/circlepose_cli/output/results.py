@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import PurePath
 from typing import IO
 
@@ -72,21 +72,28 @@ def is_compressed(output: Place) -> bool:
 
 
 def choose_rows(
-    typed_columns: str | None, *, chosen_only: bool, output_format: FormatChoice, layout: Layout
+    typed_columns: str | None, *, chosen_only: bool, output_format: FormatChoice, layouts: Sequence[Layout]
 ) -> Selection:
-    """Return the rows and columns asked for; raises `UsageError` where columns cannot be chosen."""
+    """Return the rows and columns asked for; raises `UsageError` where columns cannot be chosen.
+
+    Where more than one of `layouts` is possible yet, a column of any of them will do.
+    """
     if typed_columns is None:
         return Selection(chosen_only=chosen_only)
-    if not is_data_layout(layout):
-        raise UsageError(
-            f"--columns: goes with --layout poses, boards or pairs; {layout} has the columns of its paper."
-        )
+    known: dict[str, tuple[str, ...]] = {}
+    for layout in layouts:
+        if not is_data_layout(layout):
+            raise UsageError(
+                f"--columns: goes with --layout poses, boards or pairs; {layout} has the columns of its paper."
+            )
+        known[layout] = table_header(layout)
     if output_format in (FormatChoice.JSON, FormatChoice.JSONL):
         raise UsageError(
             f"--columns: goes with csv, tsv, parquet and table; {output_format} always has all keys, "
             "which jq, for example, selects."
         )
-    return Selection(read_columns("--columns", typed_columns, table_header(layout)), chosen_only)
+    first = known.pop(layouts[0])
+    return Selection(read_columns("--columns", typed_columns, first, known), chosen_only)
 
 
 def write_output(

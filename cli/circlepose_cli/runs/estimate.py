@@ -144,8 +144,8 @@ def _closing_notes(written: Place | None, skipped: Counter[str]) -> Iterator[str
         yield skipped_line(skipped)
 
 
-def _selection(request: EstimateRequest, output_format: FormatChoice, layout: Layout) -> Selection:
-    return choose_rows(request.columns, chosen_only=request.chosen_only, output_format=output_format, layout=layout)
+def _selection(request: EstimateRequest, output_format: FormatChoice, *layouts: Layout) -> Selection:
+    return choose_rows(request.columns, chosen_only=request.chosen_only, output_format=output_format, layouts=layouts)
 
 
 def _measured(
@@ -254,14 +254,7 @@ def _check_form(output_format: FormatChoice, request: EstimateRequest) -> None:
     if request.world_board is not None and request.layout is not None and not is_data_layout(request.layout):
         raise UsageError("--world-board: goes with --layout poses, boards or pairs.")
     possible: tuple[Layout, ...] = USUAL if request.layout is None else (request.layout,)
-    refusals = []
-    for layout in possible:
-        try:
-            _selection(request, output_format, layout)
-        except UsageError as refusal:
-            refusals.append(refusal)
-    if len(refusals) == len(possible):
-        raise refusals[0]
+    _selection(request, output_format, *possible)
     if output_format is FormatChoice.PARQUET:
         from circlepose.io.tables.parquet import require_parquet  # noqa: PLC0415 - few ask for it
 
