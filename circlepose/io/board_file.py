@@ -78,8 +78,14 @@ def layout_of(
 
     Raises `TargetError`, without `where` in front unless the fault is in another file.
     """
-    if (grid is None) == (circles is None):
-        raise TargetError("grid, circles: a board needs one of them: a grid, or a list of its circles.")
+    if grid is None and circles is None:
+        raise TargetError(
+            "grid, circles: both are missing; a board needs one of them: a grid, or a list of its circles."
+        )
+    if grid is not None and circles is not None:
+        raise TargetError(
+            "grid, circles: both are given; a board has either a grid or a list of its circles: remove one."
+        )
     if grid is not None:
         if radius_mm is None:
             raise TargetError("radius_mm: is missing; the circles of a grid need their radius in mm.")

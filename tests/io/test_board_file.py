@@ -77,8 +77,11 @@ def test_the_shape_that_a_calibration_found(tmp_path):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("kind: board\nradius_mm: 8\n", "grid, circles: a board needs one of them"),
-        (GRID + "circles: [{x_mm: 0, y_mm: 0}]\n", "grid, circles"),
+        ("kind: board\nradius_mm: 8\n", "grid, circles: both are missing; a board needs one of them"),
+        (
+            GRID + "circles: [{x_mm: 0, y_mm: 0}]\n",
+            "grid, circles: both are given; a board has either a grid or a list of its circles: remove one.",
+        ),
         (GRID.replace("radius_mm: 8\n", ""), "radius_mm: is missing"),
         (
             GRID.replace("symmetric", "square"),
