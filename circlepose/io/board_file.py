@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -16,7 +17,7 @@ from pydantic import Field
 from circlepose._arguments import shown
 from circlepose.errors import TargetError
 from circlepose.io.text.source import read_source
-from circlepose.io.text.validation import Strict, parse
+from circlepose.io.text.validation import Strict, brief, parse
 from circlepose.targets.board import PATTERNS, BoardCircle, BoardLayout, Grid, Pattern, Place
 
 _AT = Annotated[list[int], Field(min_length=2, max_length=2)]
@@ -72,11 +73,10 @@ def layout_of(
     side: Literal["auto", "front", "back"],
     shape_file: str | None,
     folder: Path,
-    where: str,
 ) -> BoardLayout:
     """Return the layout that a target file describes; files that it names are sought in `folder`.
 
-    Raises `TargetError`, without `where` in front unless the fault is in another file.
+    Raises `TargetError`, without the name of the target file in front.
     """
     if grid is None and circles is None:
         raise TargetError(
@@ -97,7 +97,7 @@ def layout_of(
     else:
         if marks or omit:
             raise TargetError("marks, omit: go with a grid; a list has each circle as it is.")
-        forms = _read_circles(folder / circles, where) if isinstance(circles, str) else circles
+        forms = _read_circles(folder / circles) if isinstance(circles, str) else circles
         assert forms is not None
         layout = BoardLayout(tuple(_circle(each, i, radius_mm) for i, each in enumerate(forms)), side=side)
     return layout if shape_file is None else shaped(layout, folder / shape_file)
@@ -205,7 +205,7 @@ def _radii_of(form: MarkForm | CircleForm, usual_mm: float | None, key: str) -> 
     return lengths
 
 
-def _read_circles(path: Path, where: str) -> list[CircleForm]:
+def _read_circles(path: Path) -> list[CircleForm]:
     """Read a CSV with the columns name, x_mm, y_mm, z_mm, radius_mm and, optionally, nx, ny, nz."""
     text, name = read_source(path, TargetError)
     rows = csv.DictReader(io.StringIO(text))
@@ -214,8 +214,8 @@ def _read_circles(path: Path, where: str) -> list[CircleForm]:
     missing = [each for each in ("x_mm", "y_mm") if each not in names]
     if unknown or missing:
         what = f"column {unknown[0]!r} is not known" if unknown else f"the column {missing[0]} is missing"
-        raise TargetError(f"{where}: circles: {name}: {what}; the columns are {', '.join(_COLUMNS)}.")
-    return [_form_of_row(row, f"{where}: circles: {name}: line {i}") for i, row in enumerate(rows, 2)]
+        raise TargetError(f"circles: {name}: {what}; the columns are {', '.join(_COLUMNS)}.")
+    return [_form_of_row(row, f"circles: {name}: line {i}") for i, row in enumerate(rows, 2)]
 
 
 def _form_of_row(row: Mapping[str, str | None], where: str) -> CircleForm:
@@ -226,9 +226,12 @@ def _form_of_row(row: Mapping[str, str | None], where: str) -> CircleForm:
             entries[key] = value
         elif value:
             try:
-                entries[key.strip()] = float(value)
+                number = float(value)
             except ValueError:
                 raise TargetError(f"{where}: {key}: expected a number, got {shown(value)}.") from None
+            if not math.isfinite(number):
+                raise TargetError(f"{where}: {key}: expected a number; {brief(value)} is not a finite number.")
+            entries[key.strip()] = number
     normal = [entries.pop(key, None) for key in ("nx", "ny", "nz")]
     if any(each is not None for each in normal):
         entries["normal"] = [0.0 if each is None else each for each in normal]

@@ -120,7 +120,7 @@ def target_from_mapping(mapping: Mapping[str, object], where: str, folder: Path 
     radii = (form.radius_mm,) if form.radius_mm is not None else tuple(form.radii_mm or ())
     axes = form.axis_intervals_px
     try:
-        layout = _layout(form, folder, where) if kind == "board" else None
+        layout = _layout(form, folder) if kind == "board" else None
         return Target(
             kind=kind,
             radii_mm=radii if layout is None else layout.radii_mm,
@@ -253,7 +253,7 @@ def _kind(form: _TargetForm, where: str) -> Kind:
     return kind
 
 
-def _layout(form: _TargetForm, folder: Path, where: str) -> BoardLayout:
+def _layout(form: _TargetForm, folder: Path) -> BoardLayout:
     return layout_of(
         radius_mm=form.radius_mm,
         grid=form.grid,
@@ -263,7 +263,6 @@ def _layout(form: _TargetForm, folder: Path, where: str) -> BoardLayout:
         side=form.side,
         shape_file=form.shape_file,
         folder=folder,
-        where=where,
     )
 
 

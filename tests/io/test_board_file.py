@@ -97,6 +97,26 @@ def test_the_shape_that_a_calibration_found(tmp_path):
         (GRID.replace("kind: board", "kind: circle"), "grid: goes with kind: board"),
         (LIST.replace("radius_mm: 10", "radius_mm: 0"), "positive radius"),
         (LIST.replace(", radius_mm: 10", ""), "radius_mm: is missing"),
+        (
+            LIST.replace("x_mm: 60", "x_mm: .nan"),
+            "circles[1].x_mm: expected one number, in mm; .nan is not a finite number.",
+        ),
+        (
+            LIST.replace("y_mm: 0, r", "y_mm: -.inf, r"),
+            "circles[0].y_mm: expected one number, in mm; -.inf is not a finite number.",
+        ),
+        (
+            LIST.replace("radius_mm: 10", "radius_mm: .inf"),
+            "circles[0].radius_mm: expected one number, its radius in mm; .inf is not a finite number.",
+        ),
+        (LIST.replace("[9, 4]", "[9, .nan]"), "such as [35, 20]; .nan is not a finite number."),
+        (LIST.replace("[0, 3, -4]", "[0, .inf, 1]"), "it is seen; .inf is not a finite number."),
+        (LIST.replace("x_mm: 60", "x_mm: far"), "circles[1].x_mm: expected one number, in mm, got 'far'"),
+        (LIST.replace("x_mm: 60", "x: 60"), "circles[1].x: is no known key; the keys are name, x_mm,"),
+        (
+            GRID + "marks: [{at: [0, 3], radius_mm: .nan}]\n",
+            "marks[0].radius_mm: expected one number, its radius in mm; .nan is",
+        ),
         (LIST.replace("[0, 3, -4]", "[0, 0, 0]"), "normal: expected a direction"),
         (LIST.replace("name: b", "name: a"), "named 'a'"),
         (LIST + "omit: [[0, 0]]\n", "go with a grid"),
@@ -118,6 +138,12 @@ def test_what_is_refused_names_the_key(text, words, tmp_path, monkeypatch):
         ("name,x,y_mm\na,0,0\n", "column 'x' is not known"),
         ("name,y_mm\na,0\n", "column x_mm is missing"),
         ("name,x_mm,y_mm,radius_mm\na,0,zero,3\n", "line 2: y_mm: expected a number"),
+        ("name,x_mm,y_mm,radius_mm\na,nan,0,3\n", "line 2: x_mm: expected a number; nan is not a finite number."),
+        (
+            "name,x_mm,y_mm,radius_mm\na,0,0,1e999\n",
+            "line 2: radius_mm: expected a number; 1e999 is not a finite number",
+        ),
+        ("name,x_mm,y_mm,radius_mm,nx\na,0,0,3,-inf\n", "line 2: nx: expected a number; -inf is not a finite number"),
     ],
 )
 def test_a_csv_file_that_is_none_of_circles(text, words, tmp_path):
@@ -126,6 +152,7 @@ def test_a_csv_file_that_is_none_of_circles(text, words, tmp_path):
     with pytest.raises(TargetError) as caught:
         read_target(tmp_path / "target.yaml")
     assert words in str(caught.value)
+    assert str(caught.value).count("target.yaml") == 1
 
 
 @pytest.mark.parametrize(

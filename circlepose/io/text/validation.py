@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
@@ -69,19 +70,32 @@ def some_keys(entries: Iterable[str]) -> str:
 
 
 def _sentence(form: type[Strict], entries: Mapping[str, object], detail: ErrorDetails) -> str:
-    fields: list[str] = []
+    path = index = expected = ""
     value: object = entries
+    inner: object = entries
     level: type[Strict] | None = form
     for part in detail["loc"]:
-        if not (isinstance(part, str) and isinstance(value, Mapping) and level is not None):
-            break
-        if part not in level.model_fields:
-            return ".".join([*fields, unknown_key(part, level.model_fields)])
-        expected = _expected(level, part)
-        value, level = value.get(part), _nested(level, part)
-        fields.append(part)
+        if isinstance(part, int) and isinstance(inner, list) and part < len(inner):
+            # Said only where a key follows.
+            inner, index = inner[part], f"{index}[{part}]"
+        elif isinstance(part, str) and isinstance(inner, Mapping) and level is not None:
+            before = f"{path}{index}." if path else ""
+            if part in level.model_fields:
+                expected = _expected(level, part)
+                inner = value = inner.get(part)
+                path, index, level = f"{before}{part}", "", _nested(level, part)
+            elif part in inner:
+                return f"{before}{unknown_key(part, level.model_fields)}"
+        # Other parts are names of the alternatives of a field.
+    if isinstance(inner, float) and not math.isfinite(inner):
+        return f"{path}: expected {expected}; {_in_yaml(inner)} is not a finite number."
     hint = REMOVE_QUOTES if is_number_in_quotes(value) else ""
-    return f"{'.'.join(fields)}: expected {expected}, got {shown(value)}{hint}."
+    return f"{path}: expected {expected}, got {shown(value)}{hint}."
+
+
+def _in_yaml(value: float) -> str:
+    """Return a number that is not finite as YAML has it."""
+    return ".nan" if math.isnan(value) else ".inf" if value > 0.0 else "-.inf"
 
 
 def _expected(form: type[Strict], key: str) -> str:
@@ -89,8 +103,10 @@ def _expected(form: type[Strict], key: str) -> str:
 
 
 def _nested(form: type[Strict], key: str) -> type[Strict] | None:
-    annotation = form.model_fields[key].annotation
-    for option in (annotation, *get_args(annotation)):
+    """Return the form of a field, or of the items of a list."""
+    annotations: list[object] = [form.model_fields[key].annotation]
+    for option in annotations:
         if isinstance(option, type) and issubclass(option, Strict):
             return option
+        annotations += get_args(option)
     return None
