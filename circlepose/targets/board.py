@@ -151,7 +151,7 @@ class BoardLayout:
         Raises
         ------
         TargetError
-            For circles that overlap, or places outside of the grid.
+            For circles that overlap, places outside of the grid, or a mark that is like all others.
         """
         marked = {_on_grid("marks", at, grid): _radii(radii) for at, radii in (marks or {}).items()}
         left_out = {_on_grid("omit", at, grid) for at in omit}
@@ -159,6 +159,12 @@ class BoardLayout:
         if both:
             raise TargetError(f"marks, omit: circle {list(both[0])} is in both; leave it out of one.")
         usual = _radii([radius_mm])
+        like_others = next((at for at, radii in marked.items() if radii == usual), None)
+        if like_others is not None:
+            raise TargetError(
+                f"marks: circle {list(like_others)} has the grid's own radius of {usual[0]:g} mm and so marks "
+                "nothing; give the radius that it has, or remove it from marks."
+            )
         circles, nodes = [], []
         for row in range(grid.rows):
             for column in range(grid.columns):

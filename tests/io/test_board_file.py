@@ -90,6 +90,10 @@ def test_the_shape_that_a_calibration_found(tmp_path):
         (GRID.replace("rows: 3", "row: 3"), "grid.row: is no known key; did you mean rows?"),
         (GRID.replace("spacing_mm: 30", "spacing_mm: 12"), "overlap"),
         (GRID + "marks: [{at: [0, 9], radius_mm: 4}]\n", "marks: expected [row, column]"),
+        (
+            GRID + "marks: [{at: [0, 3], radius_mm: 8}]\n",
+            "<bytes>: marks: circle [0, 3] has the grid's own radius of 8 mm and so marks nothing; give",
+        ),
         (GRID + "radii_mm: [8, 5]\n", "radius_mm, radii_mm"),
         (GRID + "side: back\n", "side: is of a list"),
         (GRID + "depth_range_mm: [100, 200]\n", "depth_range_mm"),

@@ -50,6 +50,16 @@ def test_marks_and_omitted_circles():
     assert layout.is_ring.sum() == 1
 
 
+def test_a_ring_of_the_usual_radius_is_a_mark():
+    layout = grid("symmetric", 3, 4, 10.0, 3.0, marks={(0, 0): (3.0, 2.0)})
+    assert layout.circles[0].radii_mm == (3.0, 2.0)
+
+
+def test_marks_may_be_alike_after_a_turn():
+    # They settle which part of the board is seen, if not the roll.
+    assert len(grid("symmetric", 3, 4, 10.0, 3.0, marks={(0, 0): (2.0,), (2, 3): (2.0,)})) == 12
+
+
 def test_a_layout_is_a_value():
     first, second = grid("symmetric", 3, 4, 10.0, 3.0), grid("symmetric", 3, 4, 10.0, 3.0)
     assert first == second
@@ -81,6 +91,10 @@ def test_planes():
         (lambda: grid("symmetric", 3, 4, 10.0, 2.0, marks={(0, 4): (1.0,)}), "marks"),
         (lambda: grid("symmetric", 3, 4, 10.0, 2.0, marks={(0, 0): (1.0, 2.0)}), "largest first"),
         (lambda: grid("symmetric", 3, 4, 10.0, 2.0, marks={(0, 0): (1.0,)}, omit=[(0, 0)]), "in both"),
+        (
+            lambda: grid("symmetric", 3, 4, 10.0, 2.0, marks={(0, 0): (1.0,), (1, 2): (2.0,)}),
+            r"^marks: circle \[1, 2\] has the grid's own radius of 2 mm and so marks nothing; give the radius that",
+        ),
         (
             lambda: BoardLayout(tuple(BoardCircle("a", (20.0 * i, 0.0, 0.0), (3.0,)) for i in range(2))),
             "named 'a'",
