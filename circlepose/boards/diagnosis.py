@@ -42,10 +42,11 @@ def why_no_lattice(ellipse: Ellipse, layout: BoardLayout, options: BoardOptions 
     return ""
 
 
-def why_misfit(circles: IntArray, growth: float, rms_px: float, used: BoolArray) -> str:
+def why_misfit(layout: BoardLayout, circles: IntArray, growth: float, rms_px: float, used: BoolArray) -> str:
     """Return why `circles` (k,) of a layout do not fit it, after the best fit of the pose."""
     what = f"{np.count_nonzero(used)} of {len(circles)} circles fit the layout, rms {rms_px:.1f} px"
     if abs(growth) > 0.02:
         ratio = 1.0 / (1.0 + growth)
-        return f"{what}: by the size of the circles the distances are {ratio:.3f} of those stated, another spacing?"
+        guess = "another spacing" if layout.grid is not None else "other coordinates or radii"
+        return f"{what}: by the size of the circles the distances are {ratio:.3f} of those stated, {guess}?"
     return f"{what}: another layout, or a calibration that is not this camera's"

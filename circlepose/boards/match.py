@@ -106,7 +106,8 @@ def _best(boards: list[FoundBoard], options: BoardOptions) -> FoundBoard | str |
     for other in ranked[1:]:
         if not _is_same(best, other, same) and _is_as_good(other, best, options):
             used = np.count_nonzero(other.fits[0].used)
-            return f"{used} circles fit the layout in more than one way; more of its circles are needed, or a mark"
+            what = "a mark" if best.layout.grid is not None else "one of another size"
+            return f"{used} circles fit the layout in more than one way; more of its circles are needed, or {what}"
     return best
 
 

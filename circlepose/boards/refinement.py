@@ -88,7 +88,7 @@ def settled(
     rms = float(np.sqrt(np.mean(np.sum(offsets[fit.used] ** 2, axis=1))))
     most = max(options.least_mismatch_px, options.mismatch_share * size)
     if rms > most or abs(fit.growth) > options.most_growth or fit.used.mean() < options.least_used:
-        return why_misfit(circles, fit.growth, rms, fit.used)
+        return why_misfit(layout, circles, fit.growth, rms, fit.used)
     fit, circles, is_open = _with_roll(scene, layout, members, circles, fit)
     rims = scene.board_rims(layout, members, circles)
     fits, ambiguity = _both_tilts(rims, layout, fit, options)

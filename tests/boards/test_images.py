@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import circlepose
+from circlepose.boards.diagnosis import why_misfit
 from circlepose.results import Flag, Status
 from circlepose.targets.board import BoardCircle, BoardLayout
 from circlepose.targets.target import Target
@@ -258,6 +259,23 @@ def test_another_layout_is_refused_with_the_likely_cause(stated, word):
     # What was found has its lone poses.
     assert len(result.circles) == 20
     assert {circle.circle for circle in result.circles} == {"disc"}
+
+
+@pytest.mark.parametrize(
+    ("layout", "words"), [(GRID, "another spacing?"), (plate([(0.0, 0.0), (50.0, 0.0)]), "radii?")]
+)
+def test_of_a_list_no_spacing_is_blamed(layout, words):
+    found = why_misfit(layout, np.arange(2), 0.25, 3.0, np.ones(2, np.bool_))
+    assert "the distances are 0.800 of those stated" in found
+    assert found.endswith(words)
+    assert ("spacing" in found) == (layout.grid is not None)
+
+
+def test_of_a_list_no_mark_is_asked_for():
+    layout = plate([(40.0 * i, 0.0) for i in range(5)])
+    hidden = measured(picture([(layout, posed(layout, 30.0, 50.0, 5.0, 450.0))], hidden=(0,)), layout)
+    assert hidden.status is Status.LAYOUT_MISMATCH
+    assert hidden.reason.endswith("in more than one way; more of its circles are needed, or one of another size")
 
 
 def test_a_spacing_that_is_a_little_off_shows_as_another_size():

@@ -14,7 +14,15 @@ from circlepose.io.tables.pair_rows import PAIR_COLUMNS
 from circlepose.results import Flag, ImageResult, Status
 from circlepose_cli.console.board_remarks import BoardTally
 from circlepose_cli.console.progress import Reporter
-from tests.support.board_results import BOARD_YAML, TABLE_HEADER, board_folder, made_board, made_board_result
+from tests.support.board_results import (
+    BOARD_YAML,
+    POINTS_MM,
+    TABLE_HEADER,
+    board_folder,
+    made_board,
+    made_board_result,
+)
+from tests.support.boards import grid, plate
 from tests.support.discs import disc_folder
 from tests.support.processes import run as run_process
 from tests.support.processes import shell
@@ -173,6 +181,19 @@ def test_another_board_is_a_mismatch_and_what_to_do_is_said(run, boards):
     assert [image["boards"] for image in json.loads(out)["images"]] == [[], []]
 
 
+LIST_YAML = "kind: board\ncircles:\n" + "".join(
+    f"- {{x_mm: {2.5 * x:g}, y_mm: {2.5 * y:g}, radius_mm: 20}}\n" for x, y, _ in POINTS_MM.tolist()
+)
+
+
+def test_of_a_list_there_are_no_rows_and_no_spacing_to_compare(run, boards):
+    (boards / "target.yaml").write_text(LIST_YAML)
+    code, _, err = run("estimate", boards)
+    assert code == 3
+    assert "2 images layout_mismatch: compare places and radii of the target's circles with the board, have" in err
+    assert not any(word in err for word in ("spacing", "rows", "columns", "pattern", "mark"))
+
+
 def test_a_run_is_resumed_with_its_boards(run, boards, tmp_path):
     file = tmp_path / "out.jsonl"
     (boards / "broken.png").write_bytes(b"junk")
@@ -215,8 +236,10 @@ def test_check_compares_boards(run, boards, tmp_path):
     assert "is of the layout pairs, without poses; expected the layout poses or boards." in err
 
 
-def said(*results):
+def said(*results, layout=None):
     tally = BoardTally()
+    if layout is not None:
+        tally.expect(layout)
     for result in results:
         tally.count(result)
     return list(tally.lines())
@@ -234,6 +257,20 @@ def test_each_doubt_has_a_sentence():
     assert line.startswith("1 of 1 board ambiguous: either tilt may be the right one")
     (line,) = said(ImageResult("a.png", Status.LAYOUT_MISMATCH))
     assert line.startswith("1 image layout_mismatch: ")
+
+
+def test_of_a_list_each_doubt_speaks_of_what_a_list_has():
+    layout = plate([(0.0, 0.0), (50.0, 0.0)])
+    (line,) = said(made_board_result(made_board(0, (Flag.ROLL_AMBIGUOUS,))), layout=layout)
+    assert line.endswith("put a circle of another size on the board and name it in the target")
+    (line,) = said(made_board_result(made_board(0, (Flag.RADIUS_MISFIT,), growth=0.03)), layout=layout)
+    assert line.endswith(
+        "3 % larger than stated, measured by their distances, which were believed; measure both on the board"
+    )
+    (line,) = said(
+        made_board_result(made_board(0, (Flag.ROLL_AMBIGUOUS,))), layout=grid("symmetric", 2, 2, 50.0, 8.0)
+    )
+    assert line.endswith("name it in marks of the target")
 
 
 def test_ambiguous_boards_get_no_hints_of_lone_circles(capsys):

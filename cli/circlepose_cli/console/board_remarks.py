@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Iterator
 
 from circlepose.results import BoardResult, Flag, ImageResult, Status
+from circlepose.targets.board import BoardLayout
 
 _ALL = "boards"
 
@@ -19,6 +20,11 @@ class BoardTally:
         self._mismatches = 0
         self._without_world = 0
         self._turned_worlds = 0
+        self._are_grids = True
+
+    def expect(self, layout: BoardLayout) -> None:
+        """Take note of a layout: of a list there are no rows and no spacing to speak of."""
+        self._are_grids &= layout.grid is not None
 
     def count(self, result: ImageResult) -> None:
         """Take note of the boards of one image."""
@@ -40,9 +46,14 @@ class BoardTally:
         """Yield what to do, a sentence for each kind of doubt."""
         ambiguous, turned = self._number[Flag.AMBIGUOUS], self._number[Flag.ROLL_AMBIGUOUS]
         if self._mismatches:
+            what = (
+                "pattern, rows, columns and spacing_mm of the target"
+                if self._are_grids
+                else "places and radii of the target's circles"
+            )
             yield (
-                f"{_images(self._mismatches)} layout_mismatch: compare pattern, rows, columns and spacing_mm of the "
-                "target with the board, have more of it in view; circlepose inspect shows which circles are found"
+                f"{_images(self._mismatches)} layout_mismatch: compare {what} with the board, have more of it in "
+                "view; circlepose inspect shows which circles are found"
             )
         if self._without_world:
             yield (
@@ -60,9 +71,10 @@ class BoardTally:
                 "nearer or tilted more"
             )
         if turned:
+            place = "marks of the target" if self._are_grids else "the target"
             yield (
                 f"{self._of_all(turned)} roll_ambiguous: the layout looks the same when it is turned; if the turn "
-                "matters, put a circle of another size on the board and name it in marks of the target"
+                f"matters, put a circle of another size on the board and name it in {place}"
             )
         misfits = self._number[Flag.CIRCLES_MISFIT]
         if misfits:
@@ -73,9 +85,14 @@ class BoardTally:
         if self._growths:
             percent = 100.0 * sorted(self._growths, key=abs)[len(self._growths) // 2]
             word = "larger" if percent > 0.0 else "smaller"
+            by = (
+                "radius_mm, measured by spacing_mm, which was believed"
+                if self._are_grids
+                else "stated, measured by their distances, which were believed"
+            )
             yield (
                 f"{self._of_all(len(self._growths))} radius_misfit: the circles are {abs(percent):.2g} % {word} than "
-                "radius_mm, measured by spacing_mm, which was believed; measure both on the board"
+                f"{by}; measure both on the board"
             )
 
     def _of_all(self, number: int) -> str:

@@ -106,7 +106,9 @@ class Reporter:
                 self._bar = None
 
     def expect(self, target: Target) -> None:
-        """Take note of a target: whether there is more to say of a plane of lone circles."""
+        """Take note of a target: whether there is more to say of a plane of lone circles, and of what boards."""
+        if target.layout is not None:
+            self._boards.expect(target.layout)
         self._is_plane_declared |= target.kind != "circle" or target.same_plane != "auto"
 
     def count(self, result: ImageResult) -> None:
