@@ -9,11 +9,12 @@ from scipy.spatial import cKDTree
 
 from circlepose._typing import FloatArray
 from circlepose.board_result import BoardCircleFit, BoardResult
-from circlepose.camera.camera import Camera
+from circlepose.camera.camera import Camera, circle_contour
 from circlepose.results import CircleResult, ImageResult
 
 _STEP = 0.05
 """Radii; of difference quotients."""
+_RIM_POINTS = 72
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,6 +74,42 @@ def board_views(result: ImageResult) -> tuple[BoardView, ...]:
         centers = np.array([circle.candidates[board.chosen].center for circle in own]).reshape(-1, 3)
         views.append(BoardView(board, own, (centers - board.pose.translation) @ board.pose.rotation))
     return tuple(views)
+
+
+@dataclass(frozen=True, slots=True)
+class Unseen:
+    """Circles of a board that were not seen, as indices, by where the pose puts their rims."""
+
+    outside: tuple[int, ...]
+    """outside the image, or where the lens model sees nothing"""
+    cut: tuple[int, ...]
+    """cut by the image's border"""
+    within: tuple[int, ...]
+    """wholly within the image"""
+
+
+def unseen(view: BoardView, camera: Camera, image_size: tuple[int, int]) -> Unseen:
+    """Return which circles of a board were not seen, and where they should be.
+
+    Parameters
+    ----------
+    view
+        The board.
+    camera
+        Of the image that was measured.
+    image_size
+        Its width and height, px.
+    """
+    places: dict[str, list[int]] = {"outside": [], "cut": [], "within": []}
+    for i, (circle, fit) in enumerate(zip(view.circles, view.fits, strict=True)):
+        if fit is not None:
+            continue
+        pose = circle.candidates[view.board.chosen]
+        rim = circle_contour(camera, pose.center, pose.normal, circle.radius_mm, _RIM_POINTS)
+        with np.errstate(invalid="ignore"):
+            inside = ((rim >= -0.5) & (rim <= np.array(image_size) - 0.5)).all(axis=1)
+        places["within" if inside.all() else "cut" if inside.any() else "outside"].append(i)
+    return Unseen(**{name: tuple(found) for name, found in places.items()})
 
 
 def front_mm(view: BoardView) -> FloatArray:

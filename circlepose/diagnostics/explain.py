@@ -61,6 +61,8 @@ class Explanation:
     """in the order of the result"""
     refine: bool
     """whether the rims were fitted to the gray levels"""
+    camera: Camera
+    """the calibration for the size of the image"""
 
     @property
     def rejected(self) -> Mapping[str, int]:
@@ -125,7 +127,7 @@ def explain(
         ExplainedCircle(circle, trace.rims[number], trace.starts[number], levels)
         for (circle, number), levels in zip(numbered, residuals, strict=True)
     )
-    return Explanation(result, len(trace.contours), circles, refine)
+    return Explanation(result, len(trace.contours), circles, refine, trace.camera)
 
 
 def _residuals(

@@ -14,7 +14,7 @@ from circlepose import Target, explain
 from circlepose._typing import Image
 from circlepose.board_result import BoardPose
 from circlepose.camera.camera import Camera
-from circlepose.diagnostics.boards import BoardView, board_views, front_mm, residuals_mm
+from circlepose.diagnostics.boards import BoardView, Unseen, board_views, front_mm, residuals_mm, unseen
 from circlepose.diagnostics.explain import Explanation
 from circlepose.drawing.board_explanation import draw_board_explanation
 from circlepose.drawing.explanation import draw_explanation
@@ -120,11 +120,43 @@ def test_of_more_than_twelve_circles_the_five_worst_are_first(
     first = next(i for i, line in enumerate(lines) if line.startswith("the worst"))
     rest = next(i for i, line in enumerate(lines) if line.startswith("the others"))
     assert rest == first + 5
-    sigmas = [float(line.split()[-1]) for line in lines[first:-1]]
+    sigmas = [float(line.split()[-1]) for line in lines[first:-2]]
     assert sigmas[:5] == sorted(sigmas, reverse=True)[:5]
-    names = [line[12:].split()[0] for line in lines[first:-1]]
+    names = [line[12:].split()[0] for line in lines[first:-2]]
     assert names[5:] == sorted(names[5:])
     assert len(set(names)) == len(names)
+
+
+def test_why_fewer_circles_are_used_than_the_layout_has(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    # The upper row lies above the image, the next is cut by its border, and one circle is hidden.
+    moved = SCENE.replace("[-80, -85, 480]", "[-80, -221, 480]").replace("size_px: [130, 130]", "size_px: [80, 80]")
+    moved = moved.replace("at_px: [395, 220]", "at_px: [360, 67]").replace(
+        "55}", "55}, marks: [{at: [2, 3], radius_mm: 12}]"
+    )
+    (tmp_path / "view.yaml").write_text(moved, encoding="utf-8")
+    render_to_folder(tmp_path / "view.yaml", tmp_path)
+    lines = _text(tmp_path, capsys).splitlines()
+    assert "#0 board    8 of 16 circles used, 8 seen" in lines
+    at = lines.index("not seen    8: r0c0, r0c1 ... r2c2")
+    places = "4 are outside the image, 3 are cut by its border, 1 is within the image, so hidden or not found"
+    assert lines[at + 1] == f"            by the pose {places}"
+
+
+def test_where_the_circles_are_that_were_not_seen(explained: tuple[Image, Explanation]) -> None:
+    (view,) = board_views(explained[1].result)
+    assert unseen(view, CAMERA, SIZE) == Unseen((), (), ())
+    bare = replace(view, board=replace(view.board, circles=()))
+    assert unseen(bare, CAMERA, SIZE) == Unseen((), (), tuple(range(12)))
+    places = unseen(bare, CAMERA, (320, SIZE[1]))
+    assert sorted((*places.outside, *places.cut, *places.within)) == list(range(12))
+    assert [view.circles[i].circle[2:] for i in places.within] == ["c0"] * 4
+    assert [view.circles[i].circle[2:] for i in places.cut] == ["c1"] * 4
+
+
+def test_the_columns_of_circles_are_explained(explained: tuple[Image, Explanation]) -> None:
+    text = report_text(explained[1], "camera.yml", "target.yaml")
+    assert "sigmas: by how much the whole rim, its size and shape too, misfits the pose" in text
+    assert "not seen" not in text
 
 
 def test_one_circle_is_written_and_drawn_by_its_name(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from circlepose.board_result import BoardCircleFit, BoardPose, BoardResult
-from circlepose.diagnostics.boards import BoardView
+from circlepose.camera.camera import Camera
+from circlepose.diagnostics.boards import BoardView, Unseen, unseen
 from circlepose.flags import Flag
 from circlepose_cli.reports.explain.poses import small
 
@@ -26,8 +27,10 @@ def listed(names: Sequence[str]) -> str:
     return ", ".join(names) if len(names) <= _MOST_LISTED else f"{names[0]}, {names[1]} ... {names[-1]}"
 
 
-def board_rows(view: BoardView, *, has_table: bool) -> Iterator[tuple[str, str | None]]:
-    """Yield the rows of a board, and with `has_table` those of its circles."""
+def board_rows(
+    view: BoardView, camera: Camera, image_size: tuple[int, int], *, has_table: bool
+) -> Iterator[tuple[str, str | None]]:
+    """Yield the rows of a board in an image of `camera`, and with `has_table` those of its circles."""
     board = view.board
     number = board.circles_in_layout
     yield f"#{board.instance} board", f"{board.circles_used} of {number} circles used, {len(board.circles)} seen"
@@ -44,10 +47,11 @@ def board_rows(view: BoardView, *, has_table: bool) -> Iterator[tuple[str, str |
         yield name, words
     if board.flags:
         yield "flags", ", ".join(board.flags)
-    unseen = number - len(board.circles)
-    if unseen:
+    if len(board.circles) < number:
         fits = zip(view.circles, view.fits, strict=True)
-        yield "not seen", f"{unseen}: {listed([circle.circle for circle, fit in fits if fit is None])}"
+        names = listed([circle.circle for circle, fit in fits if fit is None])
+        yield "not seen", f"{number - len(board.circles)}: {names}"
+        yield "", _where(unseen(view, camera, image_size))
     if has_table:
         yield from _table(view)
 
@@ -94,6 +98,18 @@ def _roll(board: BoardResult) -> str:
     return "open: a turn maps the layout on itself; its x axis is taken nearest to the image's right"
 
 
+def _where(places: Unseen) -> str:
+    """Return where the circles that were not seen are."""
+    parts = {
+        "outside the image": len(places.outside),
+        "cut by its border": len(places.cut),
+        "within the image, so hidden or not found": len(places.within),
+    }
+    return "by the pose " + ", ".join(
+        f"{number} {'is' if number == 1 else 'are'} {where}" for where, number in parts.items() if number
+    )
+
+
 def _growth(board: BoardResult) -> str:
     """Return by how much the radii seem to differ from those stated."""
     if board.growth == 0.0:
@@ -133,6 +149,10 @@ def _table(view: BoardView) -> Iterator[tuple[str, str | None]]:
     others = [i for i, _ in fits if i not in worst]
     for i in others:
         yield "" if i != others[0] or not worst else "the others", _fit_line(names[i], by_index[i], width, decimals)
+    yield (
+        "",
+        "sigmas: by how much the whole rim, its size and shape too, misfits the pose, in its standard deviations",
+    )
     yield "", f"--circle NAME, such as {names[(worst or others)[0]]}, writes what is known of one of them"
 
 

@@ -47,7 +47,7 @@ def report_text(explanation: Explanation, camera: str, target: str, circle: str 
     rows += [("", f"{number:6d}  {reason}") for reason, number in explanation.rejected.items()]
     boards = board_views(result)
     for view in boards:
-        rows += [("", None), *board_rows(view, has_table=circle is None)]
+        rows += [("", None), *board_rows(view, explanation.camera, (width, height), has_table=circle is None)]
     if circle is not None and not explanation.named(circle):
         rows += [("", None), (circle, "was not seen" if boards else "was not measured")]
     for each in explanation.named(circle) if circle is not None or not boards else ():
