@@ -254,7 +254,8 @@ class ImageResult:
     boards: tuple[BoardResult, ...] = ()
     """of a board target: one pose from many circles each"""
     remark: str = ""
-    """what else is to be said of the image: that its file has more pages, that it is a raw mosaic or interlaced"""
+    """what else is to be said of the image: that its file has more pages, that it is a raw mosaic or interlaced, that
+    there seem to be more boards than were asked for"""
     planes: tuple[Plane, ...] = ()
     """the planes that lone circles share; see `CircleResult.plane`"""
     world: BoardResult | None = None

@@ -27,6 +27,8 @@ class Matches:
     boards: tuple[FoundBoard, ...] = ()
     refusals: tuple[str, ...] = field(default=())
     """why what looks like the layout is not it, one sentence each"""
+    left_on_lattice: int = 0
+    """circles on a further lattice like the layout's, where as many boards as were asked for are found"""
 
 
 def find_boards(scene: Scene, layout: BoardLayout, count: int | None, options: BoardOptions = DEFAULT) -> Matches:
@@ -72,7 +74,14 @@ def find_boards(scene: Scene, layout: BoardLayout, count: int | None, options: B
             break
         boards.append(again)
         taken |= set(again.members.tolist())
-    return Matches(tuple(boards), tuple(refusals))
+    is_full = count is not None and len(boards) >= count
+    return Matches(tuple(boards), tuple(refusals), _left(patches, layout, taken, options) if is_full else 0)
+
+
+def _left(patches: list[Patch], layout: BoardLayout, taken: set[int], options: BoardOptions) -> int:
+    """Return how many circles lie on the largest lattice that no board has, if they may be a board."""
+    left = max((len(set(patch.members.tolist()) - taken) for patch in patches), default=0)
+    return left if left >= max(options.least_on_lattice, options.least_share * len(layout)) else 0
 
 
 def _by_pairs(

@@ -38,6 +38,8 @@ class MeasuredBoards:
     """all circles of the boards by their poses; without a board the lone circles"""
     status: Status = Status.OK
     reason: str = ""
+    remark: str = ""
+    """that there seem to be more than were asked for"""
 
 
 def measure_boards(
@@ -98,7 +100,18 @@ def measure_boards(
     if target.count is not None and len(boards) < target.count:
         status = Status.TOO_FEW_CIRCLES
         reason = "; ".join([f"{len(boards)} of {target.count} boards found", *matches.refusals[:1]])
-    return MeasuredBoards(tuple(boards), tuple(circles), status, reason)
+    return MeasuredBoards(tuple(boards), tuple(circles), status, reason, _of_others(matches.left_on_lattice, target))
+
+
+def _of_others(number: int, target: Target) -> str:
+    """Return what to do about `number` circles on a lattice that no board has."""
+    if number == 0 or target.count is None:
+        return ""
+    asked = "one board was" if target.count == 1 else f"{target.count} boards were"
+    return (
+        f"{number} more circles lie on a lattice like the layout's; {asked} asked for: if they are another one, "
+        f"give count: {target.count + 1}, or all"
+    )
 
 
 def _board_result(

@@ -193,7 +193,8 @@ def estimate_with_trace(
             options=own,
         )
         circles, boards, planes = measured.circles, measured.boards, measured.planes
-        trace, rejected, remark = measured.trace, measured.rejected, measured.remark
+        trace, rejected = measured.trace, measured.rejected
+        remark = "; ".join(each for each in (measured.remark, "" if boards is None else boards.remark) if each)
     else:
         found, trace, remark = ring_targets_in_views(
             channels,

@@ -73,6 +73,24 @@ def test_two_boards_in_one_image():
     found = [pose_of(result, number) for number in range(2)]
     assert all(min(apart(pose, *each)[0] for each in found) < 0.05 for pose in poses)
     assert {circle.instance for circle in result.circles} == {0, 1}
+    assert result.remark == ""
+    one = measured(picture([(small, pose) for pose in poses]), small)
+    assert len(one.boards) == 1
+    assert one.remark == (
+        "9 more circles lie on a lattice like the layout's; one board was asked for: if they are another one, give "
+        "count: 2, or all"
+    )
+
+
+def test_a_few_circles_beside_a_board_are_no_board():
+    few = grid("symmetric", 2, 4, 30.0, 9.0)
+    scene = [
+        (GRID, posed(GRID, 20.0, 10.0, 3.0, 560.0, (-80.0, 0.0))),
+        (few, posed(few, 0.0, 0.0, 0.0, 560.0, (110.0, 0.0))),
+    ]
+    result = measured(picture(scene), GRID)
+    assert result.boards[0].circles_used == len(GRID)
+    assert result.remark == ""
 
 
 @pytest.mark.parametrize(

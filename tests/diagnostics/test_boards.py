@@ -142,6 +142,11 @@ def test_why_fewer_circles_are_used_than_the_layout_has(tmp_path: Path, capsys: 
     assert lines[at + 1] == f"            by the pose {places}"
 
 
+def test_what_else_there_is_to_say_of_the_image_is_said(explained: tuple[Image, Explanation]) -> None:
+    remarked = replace(explained[1], result=replace(explained[1].result, remark="9 more circles"))
+    assert report_text(remarked, "camera.yml", "target.yaml").splitlines()[1] == "            9 more circles"
+
+
 def test_where_the_circles_are_that_were_not_seen(explained: tuple[Image, Explanation]) -> None:
     (view,) = board_views(explained[1].result)
     assert unseen(view, CAMERA, SIZE) == Unseen((), (), ())

@@ -11,7 +11,7 @@ from circlepose.diagnostics.explain import ExplainedCircle, Explanation, segment
 from circlepose.diagnostics.residuals import LevelResiduals
 from circlepose.io.text.escaping import printable
 from circlepose.measurement.rim import EdgeRim, FittedRim
-from circlepose.results import SETTLED_BY_MEANING, CircleResult
+from circlepose.results import SETTLED_BY_MEANING, CircleResult, Status
 from circlepose_cli.reports.explain.boards import board_rows
 from circlepose_cli.reports.explain.poses import (
     cue_lines,
@@ -40,6 +40,7 @@ def report_text(explanation: Explanation, camera: str, target: str, circle: str 
     rows: list[tuple[str, str | None]] = [
         ("image", f"{result.image}, {width} x {height} px: {result.status}"),
         ("", result.reason),
+        ("", result.remark if result.status is Status.OK else ""),
         ("camera", camera),
         ("target", target),
         ("contours", f"{explanation.contours} worth a pose; {sum(explanation.rejected.values())} not used"),
