@@ -11,6 +11,21 @@ from circlepose._typing import FloatArray
 from circlepose.flags import Flag
 
 
+def quaternion_of(rotation: FloatArray) -> FloatArray:
+    """Return w, x, y, z of a rotation (3, 3), w not negative. Source: Bar-Itzhack (2000), the eigenvector of K."""
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = rotation
+    k = np.array(
+        [
+            [xx + yy + zz, zy - yz, xz - zx, yx - xy],
+            [zy - yz, xx - yy - zz, xy + yx, xz + zx],
+            [xz - zx, xy + yx, yy - xx - zz, yz + zy],
+            [yx - xy, xz + zx, yz + zy, zz - xx - yy],
+        ]
+    )
+    found = np.linalg.eigh(k)[1][:, -1]
+    return np.asarray(found if found[0] >= 0.0 else -found)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class BoardTerms:
     """What a board's covariance is the sum of, by cause; each (6, 6) as `BoardPose.covariance`, None if exact."""
@@ -48,18 +63,8 @@ class BoardPose:
 
     @property
     def quaternion(self) -> FloatArray:
-        """(4,) w, x, y, z of the rotation, w not negative. Source: Bar-Itzhack (2000), the eigenvector of K."""
-        (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = self.rotation
-        k = np.array(
-            [
-                [xx + yy + zz, zy - yz, xz - zx, yx - xy],
-                [zy - yz, xx - yy - zz, xy + yx, xz + zx],
-                [xz - zx, xy + yx, yy - xx - zz, yz + zy],
-                [yx - xy, xz + zx, yz + zy, zz - xx - yy],
-            ]
-        )
-        found = np.linalg.eigh(k)[1][:, -1]
-        return np.asarray(found if found[0] >= 0.0 else -found)
+        """(4,) w, x, y, z of the rotation, w not negative."""
+        return quaternion_of(self.rotation)
 
     @property
     def transform(self) -> FloatArray:

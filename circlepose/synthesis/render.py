@@ -18,7 +18,7 @@ from circlepose._typing import FloatArray, Image
 from circlepose.synthesis.canvas import Canvas, PixelIndex, Traced, chunks, trace
 from circlepose.synthesis.coverage import Cells, blur_weights, takes_tents
 from circlepose.synthesis.layers import layers
-from circlepose.synthesis.scene import Circle, Paint, Scene, Shading
+from circlepose.synthesis.scene import BoardPart, Circle, Paint, Scene, Shading
 from circlepose.synthesis.texture import add_noise, mottle
 
 OVERSAMPLING = 6
@@ -52,6 +52,24 @@ def truth_rows(scene: Scene) -> tuple[TruthRow, ...]:
         TruthRow(scene.name, instance, circle)
         for instance, target in enumerate(scene.targets)
         for circle in target.circles
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class BoardTruthRow:
+    """One row of `truth_boards.csv`."""
+
+    image: str
+    instance: int
+    board: BoardPart
+
+
+def board_truth_rows(scene: Scene) -> tuple[BoardTruthRow, ...]:
+    """Return the true poses of all boards of a scene, in the order of the targets, which number them."""
+    return tuple(
+        BoardTruthRow(scene.name, instance, target)
+        for instance, target in enumerate(scene.targets)
+        if isinstance(target, BoardPart)
     )
 
 

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import csv
 from pathlib import Path
 
 import numpy as np
@@ -9,11 +10,14 @@ from circlepose import Target, estimate
 from circlepose._typing import FloatArray
 from circlepose.camera.camera import Camera
 from circlepose.errors import SceneError, TargetError
-from circlepose.io.scenes.produce import render_to_folder
+from circlepose.io.scenes.produce import BOARD_TRUTH_COLUMNS, render_to_folder
 from circlepose.io.scenes.reader import read_scenes
+from circlepose.io.tables.board_rows import BOARD_COLUMNS
+from circlepose.io.tables.columns import QUATERNION
 from circlepose.synthesis.render import render, render_float, truth_rows
 from circlepose.synthesis.scene import BoardPart, Disc, Paint, Rings, Scene
 from circlepose.targets.board import BoardCircle, BoardLayout, Grid
+from circlepose_cli.app import main
 
 ORIGIN = (-80.0, -60.0, 650.0)
 GRID = BoardLayout.on_grid(20.0, Grid("symmetric", 4, 3, 60.0))
@@ -130,6 +134,39 @@ def test_estimate_agrees_with_the_truth_of_a_scene_file(tmp_path: Path) -> None:
         for circle in result.circles:
             assert circle.pose is not None
             assert float(np.linalg.norm(circle.pose.center - truth[circle.circle].center)) < 0.05
+
+
+def test_check_compares_boards_with_the_truth(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path, out = tmp_path / "scene.yaml", tmp_path / "out"
+    marked = SCENE.replace("spacing_mm: 60}}", "spacing_mm: 60}, marks: [{at: [0, 2], radius_mm: 12}]}")
+    path.write_text(marked, encoding="utf-8")
+    for _ in range(2):  # the second time it replaces files of its own
+        assert main(["render", str(path), "-o", str(out)]) == 0
+    assert capsys.readouterr().out.split()[-1] == str(out / "truth_boards.csv")
+    with (out / "truth_boards.csv").open(newline="") as handle:
+        rows = list(csv.DictReader(handle))
+    assert tuple(rows[0]) == BOARD_TRUTH_COLUMNS
+    assert set(BOARD_TRUTH_COLUMNS) < set(BOARD_COLUMNS)
+    assert [row["image"] for row in rows] == ["on_plane.png", "posed.png"]
+    assert [rows[1][name] for name in ("instance", "x_mm", "y_mm", "z_mm")] == [
+        "0",
+        "-60.000000",
+        "-90.000000",
+        "680.000000",
+    ]
+    given = np.array([0.98, 0.15, -0.1, 0.05])
+    assert np.allclose([float(rows[1][name]) for name in QUATERNION], given / np.linalg.norm(given), atol=1e-8)
+    assert main(["estimate", "-q", str(out), "-o", str(tmp_path / "poses.csv")]) == 0
+    truth = str(out / "truth_boards.csv")
+    assert main(["check", str(tmp_path / "poses.csv"), "--against", truth]) == 0
+    assert "2 boards compared; all within 0.5 mm and 0.1 deg" in capsys.readouterr().err
+    assert main(["check", str(tmp_path / "poses.csv"), "--against", truth, "--update"]) == 2
+
+
+def test_without_boards_there_is_no_truth_of_boards(tmp_path: Path) -> None:
+    path = tmp_path / "scene.yaml"
+    path.write_text("camera: {fx: 450, fy: 450, cx: 159.5, cy: 119.5, image_size: [320, 240]}\n", encoding="utf-8")
+    assert "truth_boards.csv" not in [each.name for each in render_to_folder(path, tmp_path / "out")]
 
 
 def test_a_board_on_a_plane_has_the_axes_of_the_plane(tmp_path: Path) -> None:

@@ -19,7 +19,12 @@ def render(
     ],
     output: Annotated[
         Path,
-        typer.Option("--output", "-o", metavar="DIR", help="Folder for images, camera.yml, target.yaml, truth.csv."),
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="DIR",
+            help="Folder for images, camera.yml, target.yaml, truth.csv; of boards also truth_boards.csv.",
+        ),
     ],
     overwrite: declared.Overwrite = False,
     verbose: declared.Verbose = False,
