@@ -14,6 +14,7 @@ from circlepose.evaluation.matching import (
     Quaternion,
     TabledCircle,
     TabledPose,
+    Vector,
     pair_circles,
     with_common_names,
 )
@@ -27,6 +28,8 @@ CHANGE_MEANING: Mapping[Change, str] = {
     "flipped": "the chosen candidate is outside tolerance, the other one is within",
     "moved": "center or normal are outside tolerance",
 }
+_LEAST_ROLL_DEG = 5.0
+"""Turn of a board about its z axis, from which it may be one that maps a layout on itself: of 72 equal parts."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +76,7 @@ class Comparison:
     """of all circles compared, within tolerance or not; None where nothing could be compared"""
     largest_normal_deg: float | None
     notes: tuple[str, ...] = ()
-    """how names were matched, where that was not as written"""
+    """how names were matched, where that was not as written; of how many boards the roll is not compared"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +86,8 @@ class _Distance:
     position_mm: float | None
     normal_deg: float | None
     tolerances: float
+    is_without_roll: bool = False
+    """whether it is that of two boards but for a turn about their z axes"""
 
 
 def compare(
@@ -96,8 +101,9 @@ def compare(
     Parameters
     ----------
     measured
-        A table of poses of circles, or of boards. Of boards the origins and the rotations are compared, as they are:
-        a roll that the layout leaves open is not looked for.
+        A table of poses of circles, or of boards. Of boards the origins and the rotations are compared. If the roll
+        of one is open, in either table, and it is turned about its z axis, its layout may map on itself by that turn:
+        then the z axes are compared, and the origins along them.
     reference
         Another one, or a truth. A truth holds for every method; if it shares no circle's name with `measured`,
         circles are matched by their centers alone.
@@ -135,7 +141,7 @@ def compare(
         differences=tuple(differences),
         largest_position_mm=_largest([distance.position_mm for distance in known]),
         largest_normal_deg=_largest([distance.normal_deg for distance in known]),
-        notes=notes,
+        notes=(*notes, *_roll_notes(sum(distance.is_without_roll for distance in known))),
     )
 
 
@@ -147,7 +153,8 @@ def _distance(
         return None
     poses = circle.poses if candidate == "best" else (circle.poses[circle.chosen],)
     reference = other.poses[other.chosen]
-    return min((_between(pose, reference, tolerance) for pose in poses), key=lambda each: each.tolerances)
+    between = _between_turned if circle.is_roll_open or other.is_roll_open else _between
+    return min((between(pose, reference, tolerance) for pose in poses), key=lambda each: each.tolerances)
 
 
 def _between(pose: TabledPose, other: TabledPose, tolerance: Tolerance) -> _Distance:
@@ -155,14 +162,61 @@ def _between(pose: TabledPose, other: TabledPose, tolerance: Tolerance) -> _Dist
     if pose.center_mm is not None and other.center_mm is not None:
         position_mm = math.dist(pose.center_mm, other.center_mm)
     if pose.normal is not None and other.normal is not None:
-        x, y, z = other.normal
-        # Unlike the arc cosine, exact for small angles.
-        half = math.atan2(math.dist(pose.normal, other.normal), math.dist(pose.normal, (-x, -y, -z)))
-        normal_deg = math.degrees(2.0 * half)
+        normal_deg = _angle_deg(pose.normal, other.normal)
     elif pose.rotation is not None and other.rotation is not None:
         normal_deg = _turn_deg(pose.rotation, other.rotation)
     tolerances = max(_times(position_mm, tolerance.position_mm), _times(normal_deg, tolerance.normal_deg))
     return _Distance(position_mm, normal_deg, tolerances)
+
+
+def _between_turned(pose: TabledPose, other: TabledPose, tolerance: Tolerance) -> _Distance:
+    """Return how far a board whose roll is open is from its reference, but for a turn of the layout."""
+    as_it_is = _between(pose, other, tolerance)
+    if pose.center_mm is None or other.center_mm is None or pose.rotation is None or other.rotation is None:
+        return as_it_is
+    if _roll_deg(pose.rotation, other.rotation) < _LEAST_ROLL_DEG:
+        return as_it_is
+    # Where in the board the center of the turn is, is not known; the turn moves the origin across the normal. Along
+    # the mean of both normals a small tilt moves it least.
+    normals = _normal(pose.rotation), _normal(other.rotation)
+    mean = [a + b for a, b in zip(*normals, strict=True)]
+    length = math.hypot(*mean)
+    if length < 1.0:
+        return as_it_is
+    along = [(a - b) * m for a, b, m in zip(pose.center_mm, other.center_mm, mean, strict=True)]
+    position_mm, normal_deg = abs(sum(along)) / length, _angle_deg(*normals)
+    tolerances = max(_times(position_mm, tolerance.position_mm), _times(normal_deg, tolerance.normal_deg))
+    return _Distance(position_mm, normal_deg, tolerances, is_without_roll=True)
+
+
+def _normal(rotation: Quaternion) -> Vector:
+    """Return the z axis of a board in the camera frame."""
+    w, x, y, z = rotation
+    return 2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)
+
+
+def _roll_deg(first: Quaternion, second: Quaternion) -> float:
+    """Return the angle of the turn about the z axis that is a part of the turn from one rotation to another."""
+    (w, x, y, z), (a, b, c, d) = second, first
+    # The parts w and z of the first in the frame of the second.
+    real, about_z = w * a + x * b + y * c + z * d, w * d - x * c + y * b - z * a
+    return math.degrees(2.0 * math.atan2(abs(about_z), abs(real)))
+
+
+def _angle_deg(first: Vector, second: Vector) -> float:
+    """Return the angle between two unit vectors; unlike by the arc cosine, exact where it is small."""
+    x, y, z = second
+    return math.degrees(2.0 * math.atan2(math.dist(first, second), math.dist(first, (-x, -y, -z))))
+
+
+def _roll_notes(number: int) -> Iterator[str]:
+    """Yield what was not compared of `number` boards."""
+    if number:
+        boards, are = ("1 board", "is") if number == 1 else (f"{number} boards", "are")
+        yield (
+            f"{boards} with the flag roll_ambiguous {are} turned about the z axis: the roll is not settled, so only "
+            "the tilt is compared, and the place of the origin along the normal"
+        )
 
 
 def _turn_deg(first: Quaternion, second: Quaternion) -> float:

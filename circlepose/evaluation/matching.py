@@ -43,6 +43,8 @@ class TabledCircle:
     poses: tuple[TabledPose, ...] = ()
     chosen: int = 0
     """index of the pose to use"""
+    is_roll_open: bool = False
+    """of a board: whether its layout looks the same after a turn, so that its roll is one of several"""
 
     @property
     def center_mm(self) -> Vector | None:

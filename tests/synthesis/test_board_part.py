@@ -163,6 +163,19 @@ def test_check_compares_boards_with_the_truth(tmp_path: Path, capsys: pytest.Cap
     assert main(["check", str(tmp_path / "poses.csv"), "--against", truth, "--update"]) == 2
 
 
+def test_check_says_that_a_roll_is_not_settled(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path, out = tmp_path / "scene.yaml", tmp_path / "out"
+    turned = SCENE.replace("at_mm: [-60, -90], ", "at_mm: [60, 90], angle_deg: 180, ")
+    path.write_text(turned, encoding="utf-8")
+    render_to_folder(path, out)
+    assert main(["estimate", "-q", str(out), "-o", str(tmp_path / "poses.csv")]) == 0
+    assert "roll_ambiguous" in (tmp_path / "poses.csv").read_text()
+    assert main(["check", str(tmp_path / "poses.csv"), "--against", str(out / "truth_boards.csv")]) == 0
+    note, outcome = capsys.readouterr().err.splitlines()
+    assert note.startswith("1 board with the flag roll_ambiguous is turned about the z axis: the roll is not settled")
+    assert outcome.startswith("2 boards compared; all within 0.5 mm and 0.1 deg; largest difference 0.0")
+
+
 def test_without_boards_there_is_no_truth_of_boards(tmp_path: Path) -> None:
     path = tmp_path / "scene.yaml"
     path.write_text("camera: {fx: 450, fy: 450, cx: 159.5, cy: 119.5, image_size: [320, 240]}\n", encoding="utf-8")

@@ -12,7 +12,7 @@ from circlepose.io.tables.cells import UNIT, filled, image_of, in_order, number,
 from circlepose.io.tables.columns import QUATERNION
 from circlepose.io.tables.rows import TableRow
 from circlepose.io.text.validation import brief
-from circlepose.results import Status
+from circlepose.results import Flag, Status
 
 _ORIGIN = ("x_mm", "y_mm", "z_mm")
 _COLUMNS = ("image", "instance", "solution", "chosen", "status", *_ORIGIN, *QUATERNION)
@@ -66,7 +66,8 @@ def read_boards(
 
 def _board(name: str, instance: int, rows: Sequence[TableRow]) -> TabledCircle:
     ordered, chosen = in_order(brief(f"{name}, board {instance}"), rows)
-    return TabledCircle(name, instance, None, None, Status.OK, tuple(map(_pose, ordered)), chosen)
+    is_roll_open = Flag.ROLL_AMBIGUOUS in rows[0].text("flags").split(";")
+    return TabledCircle(name, instance, None, None, Status.OK, tuple(map(_pose, ordered)), chosen, is_roll_open)
 
 
 def _pose(row: TableRow) -> TabledPose:

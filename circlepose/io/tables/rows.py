@@ -164,11 +164,13 @@ def _rows_of_image(where: str, image: object, kind: _Kind) -> Iterator[TableRow]
 
 
 def _cells(fields: Mapping[str, Any], kind: _Kind) -> dict[str, str]:
-    return {
-        column: str(value).lower() if isinstance(value, bool) else unquoted(str(value))
-        for column, value in fields.items()
-        if column in kind.columns and value is not None
-    }
+    return {column: _cell(value) for column, value in fields.items() if column in kind.columns and value is not None}
+
+
+def _cell(value: object) -> str:
+    if isinstance(value, list):
+        return ";".join(map(str, value))
+    return str(value).lower() if isinstance(value, bool) else unquoted(str(value))
 
 
 def _list(where: str, fields: Mapping[str, Any], key: str) -> list[Any]:

@@ -8,7 +8,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+from circlepose.board_result import quaternion_of
+from circlepose.boards.pose import rotation_of
 from circlepose.errors import ArgumentError, UsageError
 from circlepose.evaluation.compare import Tolerance, compare
 from circlepose.evaluation.matching import PoseTable, TabledCircle, TabledPose
@@ -127,3 +131,64 @@ def test_origins_are_compared_and_kinds_are_not_mixed():
     assert found.largest_position_mm == 5.0
     with pytest.raises(ArgumentError, match="one table is of boards, the other of circles"):
         compare(board(), read(table([made_result()], layout="poses")), Tolerance())
+
+
+def posed(rotation, translation, is_roll_open):
+    w, x, y, z = quaternion_of(rotation).tolist()
+    pose = TabledPose(tuple(translation.tolist()), None, (w, x, y, z))
+    circle = TabledCircle("a.png", 0, None, None, poses=(pose,), is_roll_open=is_roll_open)
+    return PoseTable((circle,), {}, of_boards=True)
+
+
+def turn(x_deg, y_deg, z_deg):
+    return rotation_of(np.radians([x_deg, y_deg, 0.0])) @ rotation_of(np.radians([0.0, 0.0, z_deg]))
+
+
+ORIGIN = np.array([-30.0, 20.0, 600.0])
+angles = st.floats(-60.0, 60.0)
+places = st.floats(-200.0, 200.0)
+
+
+@given(angles, angles, st.sampled_from([60.0, 90.0, 120.0, 180.0, -90.0]), places, places, st.booleans())
+def test_a_turn_that_the_layout_leaves_open_is_no_difference(x_deg, y_deg, z_deg, x_mm, y_mm, first):
+    rotation, center = turn(x_deg, y_deg, 20.0), np.array([x_mm, y_mm, 0.0])
+    about = turn(0.0, 0.0, z_deg)
+    turned = rotation @ about, ORIGIN + rotation @ (center - about @ center)
+    pair = posed(*turned, first), posed(rotation, ORIGIN, not first)
+    found = compare(*pair, Tolerance(1e-9, 1e-6))
+    assert found.differences == ()
+    (note,) = found.notes
+    assert note.startswith("1 board with the flag roll_ambiguous is turned about the z axis: ")
+    closed = compare(posed(*turned, False), posed(rotation, ORIGIN, False), Tolerance())
+    assert [each.change for each in closed.differences] == ["moved"]
+    assert closed.notes == ()
+
+
+@given(angles, angles, st.floats(0.2, 3.0), places, st.floats(0.6, 5.0))
+def test_tilt_and_distance_count_where_the_roll_is_open(x_deg, y_deg, tilt_deg, x_mm, away_mm):
+    rotation, center = turn(x_deg, y_deg, 20.0), np.array([x_mm, 10.0, 0.0])
+    half = rotation @ turn(0.0, 0.0, 180.0)
+    at = ORIGIN + 2.0 * rotation @ center
+    reference = posed(rotation, ORIGIN, True)
+    moved = compare(posed(half, at + away_mm * rotation[:, 2], True), reference, Tolerance())
+    assert moved.differences[0].position_difference_mm == pytest.approx(away_mm)
+    assert moved.largest_normal_deg == pytest.approx(0.0, abs=1e-5)
+    # About the middle of the board.
+    tilt = rotation @ turn(tilt_deg, 0.0, 0.0)
+    middle = ORIGIN + rotation @ center
+    tilted = compare(posed(tilt @ turn(0.0, 0.0, 180.0), middle + tilt @ center, True), reference, Tolerance())
+    assert tilted.differences[0].orientation_difference_deg == pytest.approx(tilt_deg)
+    assert tilted.largest_position_mm == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_small_turn_is_a_difference_also_where_the_roll_is_open():
+    rotation = turn(20.0, -10.0, 20.0)
+    found = compare(posed(rotation @ turn(0.0, 0.0, 0.3), ORIGIN, True), posed(rotation, ORIGIN, True), Tolerance())
+    assert found.differences[0].orientation_difference_deg == pytest.approx(0.3)
+    assert found.notes == ()
+
+
+@pytest.mark.parametrize("data_format", ["csv", "tsv", "json", "jsonl"])
+def test_whether_the_roll_is_open_is_read(data_format):
+    found = read(table(data_format=data_format))
+    assert [each.is_roll_open for each in found.circles] == [True, False]
