@@ -14,7 +14,7 @@ from circlepose.io.scenes.reader import read_scenes
 from circlepose.synthesis.render import render
 from sitegen.paths import DOCS
 
-SCENES = ("disc", "hint", "ring", "coaxial", "plane")
+SCENES = ("disc", "hint", "ring", "coaxial", "plane", "board")
 WIDTH_PX = 680
 LARGEST_BYTES = 100_000
 """What is committed stays small."""
