@@ -32,7 +32,7 @@ class LoneCircles:
     trace: Trace
     rejected: Counter[Rejection]
     remark: str
-    """what is special of the pixels"""
+    """what is special of the pixels, and what else lies on the lattice of a board"""
 
 
 def lone_circles(
@@ -79,14 +79,15 @@ def lone_circles(
     instances = range(len(trace.rims))
     circles = results_of_rims(trace.rims, camera, methods, lone.radii_mm[0], instances, "disc", options=numbers)
     circles = with_nested_rims(circles, measured.nested, numbers.detection)
-    boards, planes = None, tuple[Plane, ...]()
+    boards, planes, remarks = None, tuple[Plane, ...](), [measured.remark]
     if layout is None:
         planar = settled(circles, target, camera, options=options.disambiguation)
         circles, planes = planar.circles, planar.planes
     else:
         boards = measure_boards(trace.rims, circles, camera, target, measured.gray, options=options.boards)
         circles = list(boards.circles)
-    return LoneCircles(circles, boards, planes, trace, measured.rejected, measured.remark)
+        remarks.append(boards.remark)
+    return LoneCircles(circles, boards, planes, trace, measured.rejected, "; ".join(filter(None, remarks)))
 
 
 def _circles_of(target: Target, layout: BoardLayout) -> Target:

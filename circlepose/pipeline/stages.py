@@ -193,8 +193,7 @@ def estimate_with_trace(
             options=own,
         )
         circles, boards, planes = measured.circles, measured.boards, measured.planes
-        trace, rejected = measured.trace, measured.rejected
-        remark = "; ".join(each for each in (measured.remark, "" if boards is None else boards.remark) if each)
+        trace, rejected, remark = measured.trace, measured.rejected, measured.remark
     else:
         found, trace, remark = ring_targets_in_views(
             channels,
