@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from circlepose._typing import IntArray
 from circlepose.boards.constellation import constellations
 from circlepose.boards.diagnosis import why_no_lattice
@@ -91,32 +89,37 @@ def _by_pairs(
     layouts = [layout]
     if layout.grid is None and layout.is_planar and layout.side != "front":
         layouts = [layout.seen_from_behind] if layout.side == "back" else [layout, layout.seen_from_behind]
-    # Seen from behind only where that explains more: a list may map on its mirror image.
-    found: list[FoundBoard | str] = []
+    best: FoundBoard | None = None
+    refusals: list[str] = []
     for each in layouts:
         starts = constellations(scene.seen, each, scene.camera, free, options)
         boards = [settled(scene, each, s.members, s.circles, s.pose, taken, options) for s in starts]
-        best = _best([board for board in boards if isinstance(board, FoundBoard)], options)
-        if best is not None:
-            found.append(best)
-    posed = [each for each in found if isinstance(each, FoundBoard)]
-    if posed:
-        return max(posed, key=lambda each: int(np.count_nonzero(each.fits[0].used)))
-    return found[0] if found else None
+        refusals += [board for board in boards if isinstance(board, str)]
+        found = _best([board for board in boards if isinstance(board, FoundBoard)], options)
+        if isinstance(found, str):
+            # What it says of poses that fit comes before why others do not.
+            refusals.insert(0, found)
+        # Seen from behind only where that explains more: a list may map on its mirror image.
+        elif found and (best is None or found.score(options) > best.score(options) + options.decisive_log):
+            best = found
+    return best or (refusals[0] if refusals else None)
 
 
 def _best(boards: list[FoundBoard], options: BoardOptions) -> FoundBoard | str | None:
-    """Return the board of most circles, or why none is: another assignment is as good."""
+    """Return the board that explains its rims best, or why none does: another assignment is as good."""
     if not boards:
         return None
-    ranked = sorted(boards, key=lambda each: (-np.count_nonzero(each.fits[0].used), each.fits[0].misfit))
+    ranked = sorted(boards, key=lambda each: -each.score(options))
     best = ranked[0]
     same = symmetries(best.layout)
     for other in ranked[1:]:
-        if not _is_same(best, other, same) and _is_as_good(other, best, options):
-            used = np.count_nonzero(other.fits[0].used)
+        is_as_good = other.score(options) > best.score(options) - options.decisive_log
+        if is_as_good and not _is_same(best, other, same):
             what = "a mark" if best.layout.grid is not None else "one of another size"
-            return f"{used} circles fit the layout in more than one way; more of its circles are needed, or {what}"
+            return (
+                f"{len(other.members)} circles fit the layout in more than one way; more of its circles are needed, "
+                f"or {what}"
+            )
     return best
 
 
@@ -128,10 +131,3 @@ def _is_same(first: FoundBoard, second: FoundBoard, same: Sequence[IntArray]) ->
     if not both:
         return False
     return any(all(permutation[own[i]] == other[i] for i in both) for permutation in same)
-
-
-def _is_as_good(other: FoundBoard, best: FoundBoard, options: BoardOptions) -> bool:
-    used, most = (int(np.count_nonzero(each.fits[0].used)) for each in (other, best))
-    if used < most:
-        return False
-    return other.fits[0].misfit < best.fits[0].misfit * (1.0 + best.fits[0].excess) + options.most_chi_square

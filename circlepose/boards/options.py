@@ -58,6 +58,9 @@ class BoardOptions:
     """standard deviations of a rim; circles that misfit by more do not speak for a list; empirical"""
     chance_log: float = -4.6
     """log probability of a rim where a wrong pose puts a circle; empirical"""
+    rim_log: float = 60.0
+    """log likelihood that a circle's rim gains where it is; none where it misfits by thousands of deviations;
+    empirical"""
     least_share: float = 0.5
     """share of the circles of a lattice that must be the layout's; empirical"""
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from circlepose._numerics import STUDENT_FREEDOM
 from circlepose._typing import BoolArray, FloatArray, IntArray
 from circlepose.boards.diagnosis import why_misfit
 from circlepose.boards.fit import BoardFit, chance_of_second, chi_squares, fit_at, fit_board, minimum_near
@@ -16,6 +17,7 @@ from circlepose.boards.symmetry import symmetries
 from circlepose.camera.camera import Camera
 from circlepose.fitting.cone_projection import image_ellipses
 from circlepose.geometry.cone import factor_from_circle
+from circlepose.geometry.cone_perturbation import MODES
 from circlepose.geometry.ellipse import Ellipse
 from circlepose.targets.board import BoardLayout
 
@@ -40,6 +42,11 @@ class FoundBoard:
     """of each fit: (k, 2) from where it puts the centers of the circles' images to where these are"""
     misfits: tuple[int, ...]
     """circles of the layout that are seen, but not where the pose puts them, or not as large"""
+
+    def score(self, options: BoardOptions) -> float:
+        """Return how well the layout explains its rims: log likelihoods with heavy tails, a gain for each rim."""
+        costs = 0.5 * (STUDENT_FREEDOM + MODES) * np.log1p(self.fits[0].chi_square / STUDENT_FREEDOM)
+        return float(np.maximum(options.rim_log - costs, 0.0).sum())
 
     @property
     def rms_px(self) -> tuple[float, ...]:
@@ -78,10 +85,11 @@ def settled(
     if fit is None or np.count_nonzero(fit.used) < 2:
         return "the rims determine no pose of the layout"
     if layout.grid is None:
-        # Two circles make a pose; each further one speaks for it, each that is missing against.
+        # Two circles make a pose; each further one speaks for it, each that is missing against. One that is seen, but
+        # off its place, does neither: coordinates may be wrong.
         number, found = _number_inside(scene, layout, fit), int(np.count_nonzero(fit.used))
         further = found - 2 if fit.excess < options.telling_sigmas**2 else 0
-        if options.hidden_log * max(number - found, 0) < options.chance_log * further:
+        if options.hidden_log * max(number - len(members), 0) < options.chance_log * further:
             return f"{found} of {number} circles that should be in the image fit the layout"
     offsets = _offsets(scene, rims, members, fit)
     size = float(np.median(scene.ellipse.semi_minor[members]))

@@ -136,7 +136,8 @@ def _board_result(
         Flag.AMBIGUOUS: board.ambiguity >= options.undecided,
         Flag.ROLL_AMBIGUOUS: board.is_roll_open,
         Flag.RADIUS_MISFIT: abs(best.growth) >= options.misfit_growth,
-        Flag.CIRCLES_MISFIT: bool(board.misfits),
+        # Rims that all misfit together are not where the layout puts them, either.
+        Flag.CIRCLES_MISFIT: bool(board.misfits) or best.excess > options.telling_sigmas**2,
     }
     return BoardResult(
         instance=number,

@@ -330,3 +330,36 @@ def test_where_no_board_is_asked_for_there_is_none():
     result = circlepose.estimate(picture([(GRID, posed(GRID))]), CAMERA, Target.circle(9.0, count="all"))
     assert result.boards == ()
     assert len(result.circles) == 20
+
+
+HOLES = [(0.0, 0.0), (80.0, 0.0), (30.0, 50.0)]
+
+
+@pytest.mark.parametrize("azimuth_deg", [20.0, 140.0, 260.0])
+@pytest.mark.parametrize("behind", [False, True])
+def test_three_equal_holes_are_told_from_their_mirror_image(behind, azimuth_deg):
+    layout = plate(HOLES)
+    seen = layout.seen_from_behind if behind else layout
+    pose = posed(seen, azimuth_deg=azimuth_deg, roll_deg=70.0)
+    # As calipers would have them.
+    stated = plate([(0.0, 0.0), (80.1, 0.0), (30.0, 50.15)])
+    for each in (layout, stated):
+        result = measured(picture([(seen, pose)]), each)
+        assert result.status is Status.OK
+        for circle, place in zip(result.circles, seen.centers_mm, strict=True):
+            assert np.linalg.norm(circle.pose.center - (pose.rotation @ place + pose.translation)) < 3.0
+
+
+@pytest.mark.parametrize("wrong", [[(0.0, 0.0), (70.0, 0.0), (30.0, 50.0)], [(0.0, 0.0), (80.0, 0.0), (30.0, 60.0)]])
+def test_a_list_that_is_wrong_by_millimeters_is_never_quiet(wrong):
+    layout = plate(HOLES)
+    result = measured(picture([(layout, posed(layout))]), plate(wrong))
+    assert result.status is not Status.OK or Flag.CIRCLES_MISFIT in result.boards[0].flags
+
+
+def test_a_list_that_does_not_fit_says_how_far():
+    layout = plate([*HOLES, (70.0, 60.0)])
+    result = measured(picture([(layout, posed(layout))]), plate([(0.0, 0.0), (95.0, 0.0), (30.0, 42.0), (70.0, 71.0)]))
+    assert result.status is Status.LAYOUT_MISMATCH
+    assert "circles" in result.reason
+    assert "none of" not in result.reason
