@@ -114,6 +114,8 @@ class BoardResult:
     growth: float = 0.0
     """share by which the radii are larger than stated, by the distances of the circles; 0 where they are as stated"""
     chosen: int = field(default=0)
+    misfits: tuple[str, ...] = ()
+    """circles that are seen, but not where the layout puts them, or of another size"""
 
     @property
     def pose(self) -> BoardPose:

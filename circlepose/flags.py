@@ -84,6 +84,7 @@ class Flag(StrEnum):
     RADIUS_MISFIT = "radius_misfit"
     NOT_IN_POSE = "not_in_pose"
     CIRCLES_MISFIT = "circles_misfit"
+    RELATIVE_TO_BOARD = "relative_to_board"
 
 
 FLAG_MEANING: Mapping[Flag, str] = {
@@ -105,6 +106,7 @@ FLAG_MEANING: Mapping[Flag, str] = {
     Flag.RADIUS_MISFIT: "the circles are larger or smaller than stated beside their distances, which were believed",
     Flag.NOT_IN_POSE: "the board's pose does not rest on this circle: it was not seen, or misfits",
     Flag.CIRCLES_MISFIT: "some circles are seen, but not where the layout or the size stated for them puts them",
+    Flag.RELATIVE_TO_BOARD: "the pose is in the frame of the world board, not in that of the camera",
 }
 
 

@@ -132,12 +132,12 @@ def _board_result(
             board.circles.tolist(), best.used, board.offsets_px[0], best.chi_square.tolist(), strict=True
         )
     )
+    misfits = _misfits(board, circles, options)
     is_set = {
         Flag.AMBIGUOUS: board.ambiguity >= options.undecided,
         Flag.ROLL_AMBIGUOUS: board.is_roll_open,
         Flag.RADIUS_MISFIT: abs(best.growth) >= options.misfit_growth,
-        # Rims that all misfit together are not where the layout puts them, either.
-        Flag.CIRCLES_MISFIT: bool(board.misfits) or best.excess > options.telling_sigmas**2,
+        Flag.CIRCLES_MISFIT: bool(misfits),
     }
     return BoardResult(
         instance=number,
@@ -147,7 +147,19 @@ def _board_result(
         circles_in_layout=len(board.layout),
         flags=tuple(flag for flag in Flag if is_set.get(flag, False)),
         growth=best.growth,
+        misfits=misfits,
     )
+
+
+def _misfits(board: FoundBoard, circles: Sequence[BoardCircleFit], options: BoardOptions) -> tuple[str, ...]:
+    """Return the circles that are seen, but not where the layout puts them, in its order.
+
+    Where all misfit together none is far off the common pose.
+    """
+    off = {board.layout.circles[i].name for i in board.misfits}
+    if board.fits[0].excess > options.telling_sigmas**2:
+        off |= {circle.name for circle in circles if circle.sigmas > options.telling_sigmas}
+    return tuple(name for name in board.layout.names if name in off)
 
 
 def _board_pose(fit: BoardFit, rms_px: float, rims: BoardRims, camera: Camera, relative: float) -> BoardPose:

@@ -17,7 +17,7 @@ from circlepose._typing import FloatArray
 from circlepose.board_result import BoardPose, BoardResult, BoardTerms
 from circlepose.errors import ArgumentError
 from circlepose.geometry.cone import plane_basis
-from circlepose.results import Candidate, CircleResult, CovarianceTerms, Flag, ImageResult, Plane, Status
+from circlepose.results import Candidate, CircleResult, CovarianceTerms, Flag, ImageResult, Plane
 
 _OF_FRAME = (Flag.AMBIGUOUS, Flag.ROLL_AMBIGUOUS, Flag.RADIUS_MISFIT, Flag.CIRCLES_MISFIT)
 """Flags of the world board that hold for all that is relative to it."""
@@ -36,19 +36,21 @@ def relative_to_world(result: ImageResult) -> ImageResult:
     The same with all centers (mm), normals, board poses and planes in the frame of `result.world`, by its chosen
     pose; with covariances of both poses together, correlated by the camera. The flags of the board are added to those
     of each pose, and its `ambiguity` to theirs. Normals still point to the side from which the circle is seen.
-    Without a world board the image keeps its status and has no poses.
+    Without a world board there are no poses, and the status says why.
 
     Raises
     ------
     ArgumentError
-        Where `result` is of an estimate without a world board.
+        Where `result` is of an estimate without a world board, or relative to it already.
     """
     _arguments.instance_of(ImageResult, "result", result, "of estimate or measure")
     world = result.world
+    if is_relative(result):
+        raise ArgumentError("result: is relative to its world board already.")
     if world is None:
-        if result.status is Status.OK:
+        if result.circles:
             raise ArgumentError("result: has no world board; give estimate or measure a world_board.")
-        return replace(result, circles=(), boards=(), planes=())
+        return result
     frame = world.candidates[world.chosen]
     return replace(
         result,
@@ -56,6 +58,12 @@ def relative_to_world(result: ImageResult) -> ImageResult:
         boards=tuple(_board(board, world, frame) for board in result.boards),
         planes=tuple(_plane(plane, frame) for plane in result.planes),
     )
+
+
+def is_relative(result: ImageResult) -> bool:
+    """Return whether a result is in the frame of a board, not of the camera."""
+    every = [each.flags for each in result.circles] + [each.flags for each in result.boards]
+    return any(Flag.RELATIVE_TO_BOARD in flags for flags in every)
 
 
 def _circle(circle: CircleResult, world: BoardResult, frame: BoardPose) -> CircleResult:
@@ -89,7 +97,7 @@ def _either(first: float, second: float) -> float:
 
 
 def _flags(own: tuple[Flag, ...], world: BoardResult) -> tuple[Flag, ...]:
-    held = {*own, *(flag for flag in world.flags if flag in _OF_FRAME)}
+    held = {*own, Flag.RELATIVE_TO_BOARD, *(flag for flag in world.flags if flag in _OF_FRAME)}
     return tuple(flag for flag in Flag if flag in held)
 
 

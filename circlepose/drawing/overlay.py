@@ -9,7 +9,7 @@ import numpy as np
 
 from circlepose import _arguments
 from circlepose._typing import Image
-from circlepose.boards.world import relative_to_world
+from circlepose.boards.world import is_relative, relative_to_world
 from circlepose.camera.camera import Camera
 from circlepose.diagnostics.boards import BoardView, board_views
 from circlepose.diagnostics.explain import camera_of
@@ -77,6 +77,10 @@ def draw_overlay(image: Image, result: ImageResult, camera: Camera) -> Image:
     """
     _arguments.instance_of(ImageResult, "result", result, "of estimate or measure")
     _arguments.instance_of(Camera, "camera", camera, _arguments.HOW_CAMERA)
+    if is_relative(result):
+        raise ArgumentError(
+            "result: expected that of estimate, in the camera frame; this one is relative to a board."
+        )
     methods = list(dict.fromkeys(circle.method for circle in result.circles))
     circles = [circle for circle in result.circles if circle.method == methods[0]]
     shown, remark = displayed(image, boxes_around(circle.ellipse for circle in circles))

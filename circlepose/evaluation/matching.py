@@ -62,6 +62,8 @@ class PoseTable:
     is_truth: bool = False
     of_boards: bool = False
     """whether its rows are boards"""
+    is_relative: bool = False
+    """whether its poses are in the frame of a world board"""
 
     @property
     def images(self) -> tuple[str, ...]:

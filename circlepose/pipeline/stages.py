@@ -168,9 +168,9 @@ def estimate_with_trace(
             force_calibration=force_calibration,
             options=options,
         )
-    others = circles_of_boards(world)
     if camera.image_size not in (None, size):
         camera = camera.scaled_to(size)
+    others = circles_of_boards(world, camera)
     intervals = axis_intervals(target, camera, size, options.measurement.detection)
     numbers = options.measurement.with_bounds(min_score, max_residual_px)
     views = (None, *color_mixes(channels, options.color_mixes))

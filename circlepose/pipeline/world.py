@@ -4,8 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from circlepose import _arguments
+from circlepose.camera.camera import Camera
 from circlepose.errors import ArgumentError
+from circlepose.fitting.cone_projection import image_ellipses
+from circlepose.geometry.cone import factor_from_circle
 from circlepose.geometry.ellipse import Ellipse
 from circlepose.results import ImageResult, Status
 from circlepose.targets.target import Target
@@ -22,17 +27,29 @@ def check_world_board(world_board: Target | None, target: Target) -> None:
         raise ArgumentError("world_board: is the target itself, whose pose relative to itself is known.")
 
 
-def circles_of_boards(result: ImageResult | None) -> Ellipse | None:
-    """Return the circles of boards that were seen; None where there are none."""
-    if result is None:
+def circles_of_boards(result: ImageResult | None, camera: Camera) -> Ellipse | None:
+    """Return where the circles of boards are seen, and where those are that were not; None without boards."""
+    if result is None or not result.boards:
         return None
     boards = {board.instance for board in result.boards}
-    seen = [each.ellipse for each in result.circles if each.instance in boards and each.ellipse is not None]
-    return Ellipse.batch(seen) if seen else None
+    own = [each for each in result.circles if each.instance in boards and each.pose is not None]
+    poses = [each.candidates[each.chosen] for each in own]
+    factors = factor_from_circle(
+        np.array([pose.center for pose in poses]),
+        np.array([pose.normal for pose in poses]),
+        np.array([each.radius_mm for each in own]),
+    )
+    expected, found = image_ellipses(camera, factors)
+    seen = [
+        expected[i] if each.ellipse is None else each.ellipse
+        for i, each in enumerate(own)
+        if each.ellipse is not None or found[i]
+    ]
+    return Ellipse.batch(seen)
 
 
 def with_world(result: ImageResult, world: ImageResult | None) -> ImageResult:
-    """Return a result with the one world board of its image, or the status that says why there is none.
+    """Return a result with the one world board of its image, or without poses the status that says why there is none.
 
     `world` is the estimate of the world board by itself; None where none is asked for.
     """
@@ -41,4 +58,5 @@ def with_world(result: ImageResult, world: ImageResult | None) -> ImageResult:
     if len(world.boards) == 1:
         return replace(result, world=world.boards[0])
     found = f"{len(world.boards)} of this layout are in the image" if world.boards else world.reason
-    return replace(result, status=Status.NO_WORLD_BOARD, reason=f"world board: {found or world.status}")
+    reason = f"world board: {found or world.status}"
+    return replace(result, status=Status.NO_WORLD_BOARD, reason=reason, circles=(), boards=(), planes=())

@@ -359,7 +359,9 @@ def test_a_list_that_is_wrong_by_millimeters_is_never_quiet(wrong):
 
 def test_a_list_that_does_not_fit_says_how_far():
     layout = plate([*HOLES, (70.0, 60.0)])
-    result = measured(picture([(layout, posed(layout))]), plate([(0.0, 0.0), (95.0, 0.0), (30.0, 42.0), (70.0, 71.0)]))
+    result = measured(
+        picture([(layout, posed(layout))]), plate([(0.0, 0.0), (95.0, 0.0), (30.0, 42.0), (70.0, 71.0)])
+    )
     assert result.status is Status.LAYOUT_MISMATCH
     assert "circles" in result.reason
     assert "none of" not in result.reason

@@ -147,13 +147,32 @@ def test_doubts_about_the_board_are_doubts_about_all_that_is_relative_to_it():
     flags = (Flag.AMBIGUOUS, Flag.ROLL_AMBIGUOUS, Flag.POOR_FIT)
     result = circlepose.relative_to_world(result_of(*SCENE, CENTER, NORMAL, ambiguity=0.3, flags=flags))
     assert result.circles[0].ambiguity == pytest.approx(0.1 + 0.9 * 0.3)
-    assert result.circles[0].flags == result.boards[0].flags == (Flag.AMBIGUOUS, Flag.ROLL_AMBIGUOUS)
+    expected = (Flag.AMBIGUOUS, Flag.ROLL_AMBIGUOUS, Flag.RELATIVE_TO_BOARD)
+    assert result.circles[0].flags == result.boards[0].flags == expected
 
 
 def test_a_result_without_a_world_board_is_refused():
     result = replace(result_of(*SCENE, CENTER, NORMAL), world=None)
     with pytest.raises(ArgumentError, match="result: has no world board"):
         circlepose.relative_to_world(result)
+
+
+def test_a_result_is_made_relative_once_and_drawn_as_it_was():
+    result = circlepose.relative_to_world(result_of(*SCENE, CENTER, NORMAL))
+    with pytest.raises(ArgumentError, match="result: is relative to its world board already"):
+        circlepose.relative_to_world(result)
+    with pytest.raises(ArgumentError, match="result: expected that of estimate, in the camera frame"):
+        circlepose.draw_overlay(np.zeros((480, 640), np.uint8), result, CAMERA)
+
+
+def test_a_circle_of_the_board_that_misfits_is_not_the_targets_either():
+    # Its first disc is printed larger than its mark says.
+    printed = grid("symmetric", 4, 5, 30.0, 9.0, marks={(0, 0): (7.0,)})
+    image, *_ = scene(4, np.random.default_rng(4), layouts=((printed, -50.0),))
+    target = Target.circle(RADIUS_MM, count="all")
+    result = circlepose.estimate(image, CAMERA, target, world_board=Target.board(PLAIN))
+    assert result.world is not None
+    assert len(result.circles) == 1
 
 
 def scene(number, rng, camera=CAMERA, layouts=((GRID, -50.0),), noise=2.0):
@@ -266,8 +285,8 @@ def test_without_the_board_there_are_no_poses_and_the_reason():
     assert result.status is Status.NO_WORLD_BOARD
     assert result.reason.startswith("world board: ")
     assert result.world is None
-    result = circlepose.relative_to_world(result)
     assert (result.circles, result.boards) == ((), ())
+    assert circlepose.relative_to_world(result) is result
 
 
 def test_two_boards_of_one_layout_are_no_frame():

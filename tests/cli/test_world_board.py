@@ -25,8 +25,8 @@ POSE = posed(GRID, at=(-50.0, 0.0))
 CENTER, NORMAL = np.array([130.0, 30.0, 520.0]), np.array([0.3, -0.2, -1.0]) / np.linalg.norm([0.3, -0.2, -1.0])
 
 
-def picture(path, *, with_board=True):
-    discs = [Disc(tuple(CENTER), tuple(NORMAL), 15.0, Paint(40.0))]
+def picture(path, *, with_board=True, more=()):
+    discs = [Disc(tuple(CENTER), tuple(NORMAL), 15.0, Paint(40.0)), *more]
     for center, radius in zip(GRID.centers_mm @ POSE.rotation.T + POSE.translation, GRID.radius_mm, strict=True):
         if with_board:
             discs.append(Disc(tuple(center), tuple(-POSE.rotation[:, 2]), radius, Paint(40.0)))
@@ -95,14 +95,33 @@ def test_json_has_the_pose_of_the_board(run, scenes):
 
 
 def test_distances_do_not_depend_on_the_frame(run, scenes):
-    (scenes / "target.yaml").write_text("radius_mm: 9\ncount: 2\n")
-    board = ("--target", scenes / "table.yaml", "--layout", "pairs")
-    (scenes / "pair.yaml").write_text(
-        "kind: board\ncircles:\n- {x_mm: 0, y_mm: 0, radius_mm: 20}\n- {x_mm: 1000, y_mm: 0, radius_mm: 20}\n"
-    )
-    # The other board is not there: what is between the circles needs no frame.
-    alone = run("estimate", scenes / "a.png", *board)[1]
-    assert run("estimate", scenes / "a.png", *board, "--world-board", "pair")[1] == alone
+    picture(scenes / "a.png", more=[Disc((130.0, -80.0, 520.0), (0.1, 0.4, -0.9), 15.0, Paint(40.0))])
+    args = ("estimate", scenes / "a.png", "--count", "2", "--layout", "pairs", "--camera-sigma", "0,0")
+    (pair,) = rows(run(*args, "--world-board", "table")[1])
+    assert float(pair["distance_mm"]) == pytest.approx(110.0, abs=0.5)
+    # Without the errors of the board, which they do not have.
+    assert float(pair["sigma_mm"]) < 0.1
+    every = rows(run(*args[:2], "--count", "all", *args[4:])[1])
+    assert [row["distance_mm"] for row in every].count(pair["distance_mm"]) == 1
+
+
+def test_tables_say_their_frame_and_are_compared_in_it(run, scenes, tmp_path):
+    for form in ("csv", "json"):
+        world, camera = tmp_path / f"world.{form}", tmp_path / f"camera.{form}"
+        assert run("estimate", scenes / "a.png", "--world-board", "table", "-o", world)[0] == 0
+        assert run("estimate", scenes / "a.png", "-o", camera)[0] == 0
+        assert "relative_to_board" in world.read_text()
+        assert "relative_to_board" not in camera.read_text()
+        assert run("check", world, "--against", world)[0] == 0
+        code, _, err = run("check", world, "--against", camera)
+        assert code == 2
+        assert "its poses are in the camera's frame, those compared with it in that of a world board" in err
+    center = POSE.rotation.T @ (CENTER - POSE.translation)
+    numbers = ",".join(f"{value:.6f}" for value in (*center, *(POSE.rotation.T @ NORMAL)))
+    truth = tmp_path / "truth.csv"
+    truth.write_text(f"image,circle,x,y,z,nx,ny,nz\na.png,disc,{numbers}\n")
+    code, _, err = run("check", tmp_path / "world.csv", "--against", truth, "--candidate", "best")
+    assert code == 0, err
 
 
 @pytest.mark.parametrize(

@@ -25,6 +25,7 @@ def _board_record(board: BoardResult, *, chosen_only: bool) -> Row:
     return board_fields(board) | {
         "flags": list(board.flags),
         "growth": board.growth,
+        "misfits": list(board.misfits),
         "circles": [
             {
                 "name": circle.name,

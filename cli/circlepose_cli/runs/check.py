@@ -40,7 +40,7 @@ def run(request: CheckRequest) -> int:
         _update(measured, request)
         return 0
     content = read_regular(str(request.against), UsageError, MAX_TABLE_BYTES)
-    reference = read_pose_file(content, str(request.against), truth_allowed=True)
+    reference = read_pose_file(content, str(request.against), truth_allowed=True, beside=measured.table)
     if request.update:
         _refuse_update(measured, reference)
     if measured.table.of_boards != reference.table.of_boards:

@@ -47,11 +47,14 @@ def board_rows(
         yield name, words
     if board.flags:
         yield "flags", ", ".join(board.flags)
+    if board.misfits:
+        yield "off place", f"{len(board.misfits)}: {listed(board.misfits)}: seen, but not where the layout puts them"
     if len(board.circles) < number:
         fits = zip(view.circles, view.fits, strict=True)
-        names = listed([circle.circle for circle, fit in fits if fit is None])
-        yield "not seen", f"{number - len(board.circles)}: {names}"
-        yield "", _where(unseen(view, camera, image_size))
+        names = [circle.circle for circle, fit in fits if fit is None and circle.circle not in board.misfits]
+        if names:
+            yield "not seen", f"{len(names)}: {listed(names)}"
+            yield "", _where(unseen(view, camera, image_size))
     if has_table:
         yield from _table(view)
 
@@ -66,6 +69,7 @@ def board_records(boards: Sequence[BoardResult]) -> list[dict[str, Any]]:
             "ambiguity": board.ambiguity,
             "growth": board.growth,
             "flags": [str(flag) for flag in board.flags],
+            "misfits": list(board.misfits),
             "solutions": [_pose_record(pose, i, board) for i, pose in enumerate(board.candidates)],
             "circles": [
                 {
