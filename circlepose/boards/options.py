@@ -54,6 +54,8 @@ class BoardOptions:
     """circles on the lattice that the layout need not have; more are a row of it; empirical"""
     foreign_share: float = 0.1
     """the same as a share of all, the larger of both counts; empirical"""
+    printed_share: float = 0.02
+    """the same of circles that are as large as the layout's; empirical"""
     telling_sigmas: float = 20.0
     """standard deviations of a rim; circles that misfit by more do not speak for a list; empirical"""
     chance_log: float = -4.6

@@ -60,7 +60,7 @@ def place(
     """
     assert layout.grid is not None
     same = symmetries(layout)
-    scored: list[tuple[float, IntArray]] = []
+    scored: list[tuple[float, IntArray, IntArray]] = []
     sizes = _relative_sizes(patch, ellipse, options)
     size_noise = max(options.size_noise, 1.5 * float(np.median(np.abs(sizes - np.median(sizes)))))
     rings = np.zeros(len(patch.members), np.bool_) if is_ring is None else is_ring[patch.members]
@@ -73,18 +73,23 @@ def place(
         again = any(
             np.array_equal(permutation[circles[circles >= 0]], other[circles >= 0])
             and (other >= 0).sum() == (circles >= 0).sum()
-            for _, other in scored
+            for _, other, _ in scored
             for permutation in same
         )
         if not again:
-            scored.append((score, circles))
+            scored.append((score, circles, nodes))
     scored.sort(key=lambda each: -each[0])
-    best, circles = scored[0]
+    best, circles, nodes = scored[0]
     odds = best - scored[1][0] if len(scored) > 1 else np.inf
     on_board = circles >= 0
     number, shared = len(circles), int(np.count_nonzero(on_board))
     most_foreign = max(options.most_foreign, options.foreign_share * number)
-    if shared < options.least_share * number or number - shared > most_foreign:
+    foreign = nodes[~on_board & (np.abs(np.log(sizes)) < np.log(options.as_large))]
+    # One alone may lie there by chance; neighbors are printed, and so are many.
+    together = max((len(group) for group in _groups(foreign, layout)), default=0)
+    is_printed = together > options.most_foreign
+    is_printed |= len(foreign) > max(options.most_foreign, options.printed_share * number)
+    if shared < options.least_share * number or number - shared > most_foreign or is_printed:
         return (
             f"{number} circles lie on the layout's lattice, {shared} of them fit it: more rows or columns than stated"
         )
@@ -159,7 +164,7 @@ def _judged(
     absent = np.setdiff1d(np.arange(len(layout)), circles[on_board])
     inside = _are_inside(patch, nodes, ellipse, layout.node_of[absent], image_size)
     groups = _groups(layout.node_of[absent[inside]], layout)
-    return score + options.hidden_log * groups, circles
+    return score + options.hidden_log * len(groups), circles
 
 
 def _against_sizes(
@@ -180,26 +185,23 @@ def _against_sizes(
     return np.where(is_clear, np.minimum(against, -options.unlike_log), 0.0)
 
 
-def _groups(nodes: IntArray, layout: BoardLayout) -> int:
-    """Return the number of groups of neighbors that `nodes` (j, 2) of a lattice make up."""
+def _groups(nodes: IntArray, layout: BoardLayout) -> list[list[tuple[int, int]]]:
+    """Return the groups of neighbors that `nodes` (j, 2) of a lattice make up."""
     assert layout.grid is not None
     order = layout.grid.order
     # With diagonals: they are the neighbors in a row of an asymmetric grid.
     first = [(1, 0), (1, 1)] if order == 4 else [(1, 0)]
     steps = [step for node in first for step in all_turns(node, order)]
     left = {(a, b) for a, b in nodes.tolist()}
-    number = 0
+    groups = []
     while left:
-        number += 1
-        border = [left.pop()]
-        while border:
-            a, b = border.pop()
-            for da, db in steps:
-                node = (a + da, b + db)
-                if node in left:
-                    left.remove(node)
-                    border.append(node)
-    return number
+        group = [left.pop()]
+        for a, b in group:
+            around = [(a + da, b + db) for da, db in steps]
+            group += [node for node in around if node in left]
+            left.difference_update(around)
+        groups.append(group)
+    return groups
 
 
 def _number_between(patch: Patch, ellipse: Ellipse, options: BoardOptions) -> int:

@@ -29,7 +29,8 @@ def why_none(rejected: Counter[Rejection]) -> str:
     # Dots are what the image shows where there are more of them than of contours that nearly are a rim.
     dots_first = rejected[Rejection.TOO_SMALL] > rejected[Rejection.TOO_LITTLE_RIM]
     reasons.insert(reasons.index(Rejection.TOO_LITTLE_RIM) + int(not dots_first), Rejection.TOO_SMALL)
+    others = f"; {number} left out as the world board's" if (number := rejected[Rejection.WORLD_BOARD]) else ""
     for reason in reasons:
         if rejected[reason]:
-            return f"no contour is the target's image; {rejected[reason]} came close: {reason}"
-    return "no contour is the target's image"
+            return f"no contour is the target's image; {rejected[reason]} came close: {reason}{others}"
+    return f"no contour is the target's image{others}"

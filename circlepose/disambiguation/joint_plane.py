@@ -1,13 +1,15 @@
 """Circles that are declared to lie in one plane: one plane fitted to all, from which each gets its pose.
 
-The plane's normal becomes that of each circle in it. The rest of a pose follows from its own covariance: it moves to
-the likeliest pose in the plane. A circle that disagrees with the plane keeps its own pose.
+The plane's normal becomes that of each circle in it. How uneven the surface is, in height and in tilt, follows from
+how the circles scatter. The rest of a pose follows from its own covariance: its center moves as close to the plane as
+the unevenness says. A circle that disagrees with the plane keeps its own pose.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -69,11 +71,12 @@ def on_joint_plane(
     is_in = _agreeing(loose, start, options)
     if is_in.sum() < 2:
         return JointPlane([_flagged(circle) for circle in circles], None)
-    fit = _fitted(centers[is_in], normals[is_in], own[is_in], start, options)
+    fit, uneven = _fitted(centers[is_in], normals[is_in], own[is_in], start, options)
     plane = Plane(
         circles[0].method, fit.normals[0], float(fit.normals[0] @ fit.points[0]), int(np.count_nonzero(is_in))
     )
-    placed = iter(_placed([pose for pose, agrees in zip(poses, is_in, strict=True) if agrees], fit, camera))
+    agreeing = [pose for pose, agrees in zip(poses, is_in, strict=True) if agrees]
+    placed = iter(_placed(agreeing, fit, uneven, camera))
     return JointPlane(
         [
             _with_pose(circle, next(placed), index) if agrees else _flagged(circle)
@@ -114,11 +117,12 @@ def _agreeing(circles: Observed, fit: Fits, options: DisambiguationOptions) -> B
 
 def _fitted(
     centers: FloatArray, normals: FloatArray, own: FloatArray, start: Fits, options: DisambiguationOptions
-) -> Fits:
-    """Return the plane of the circles in it, with as much unevenness as they show, and errors as they scatter."""
-    best, most = start, -np.inf
-    for share in options.flatness_shares:
-        circles = observations(centers[:, None], normals[:, None], (own + share * flatness(options))[:, None])
+) -> tuple[Fits, FloatArray]:
+    """Return the plane of the circles in it, with errors as they scatter, and the unevenness (3, 3) they show."""
+    best, uneven, most = start, flatness(options), -np.inf
+    for tilt, height in product(options.tilt_shares, options.height_shares):
+        surface = np.diag([tilt, tilt, height]) * flatness(options)
+        circles = observations(centers[:, None], normals[:, None], (own + surface)[:, None])
         fit = start
         for _ in range(options.fit_rounds):
             information, pull = (each.sum(axis=1) for each in terms(circles, fit, np.ones((1, len(own), 1))))
@@ -131,12 +135,12 @@ def _fitted(
         likelihood = float(circles.log_peaks.sum() - 0.5 * misfit + 0.5 * np.linalg.slogdet(fit.covariances[0])[1])
         if likelihood > most:
             scatter = max(misfit / max(3 * len(own) - 3, 1), 1.0)
-            best, most = replace(fit, covariances=fit.covariances * scatter), likelihood
-    return best
+            best, uneven, most = replace(fit, covariances=fit.covariances * scatter), surface, likelihood
+    return best, uneven
 
 
-def _placed(poses: Sequence[Candidate], fit: Fits, camera: Camera) -> list[Candidate]:
-    """Return poses moved into the plane."""
+def _placed(poses: Sequence[Candidate], fit: Fits, uneven: FloatArray, camera: Camera) -> list[Candidate]:
+    """Return poses moved into the plane of an `uneven` surface."""
     normal, point = fit.normals[0], fit.points[0]
     centers = np.array([pose.center for pose in poses])
     along = float(normal @ point) / (centers @ normal)
@@ -145,7 +149,8 @@ def _placed(poses: Sequence[Candidate], fit: Fits, camera: Camera) -> list[Candi
     moved_centers = centers * along[:, None]
     if known:
         own = np.array([poses[i].covariance for i in known])
-        moved_centers[known], totals = _in_plane(centers[known], np.array([poses[i].normal for i in known]), own, fit)
+        normals = np.array([poses[i].normal for i in known])
+        moved_centers[known], totals = _in_plane(centers[known], normals, own, fit, uneven)
         covariances = dict(zip(known, totals, strict=True))
     return [
         replace(
@@ -163,28 +168,37 @@ def _placed(poses: Sequence[Candidate], fit: Fits, camera: Camera) -> list[Candi
 
 
 def _in_plane(
-    centers: FloatArray, normals: FloatArray, covariances: FloatArray, fit: Fits
+    centers: FloatArray, normals: FloatArray, covariances: FloatArray, fit: Fits, uneven: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the likeliest centers (m, 3) of poses in the plane, and the covariances (m, 5, 5) of those poses.
+    """Return the likeliest centers (m, 3) of poses whose normal is the plane's, and their covariances (m, 5, 5).
 
-    With deviations G x of covariance G C G' a pose moves by -C G' (G C G')^-1 times them: Gauss-Markov, with the
-    plane as a condition. What is left of C is independent of the deviations, and so of the plane.
+    With deviations G x of covariance G C G' a pose moves by -C G' (G C G' + H)^-1 times them: Gauss-Markov, with the
+    plane as a condition, that for the height up to its unevenness H. What is left of C is independent of the
+    deviations, and so of the plane. That a normal may be another than the plane's, by the unevenness of the tilts, is
+    added: the center would move, too.
     """
     slopes = np.zeros((len(centers), 3, 5))
     slopes[:, :2, 3:] = np.eye(2)
     slopes[:, 2, :3] = normals
     across = slopes @ covariances
-    gains = np.swapaxes(inverse(across @ np.swapaxes(slopes, -1, -2))[0] @ across, -1, -2)
+    spread = across @ np.swapaxes(slopes, -1, -2) + uneven * np.diag([0.0, 0.0, 1.0])
+    gains = np.swapaxes(inverse(spread)[0] @ across, -1, -2)
     plain = np.broadcast_to(np.eye(3), (len(centers), 1, 3, 3))
     values, by_plane = observations(centers[:, None], normals[:, None], plain).deviations(fit.normals, fit.points)
-    centers = centers - (gains[:, :3] @ values[0, :, 0, :, None])[..., 0]
-    # First order leaves them beside the plane by as much as the second.
+    off = values[0, :, 0, :, None]
+    heights = (off - slopes @ gains @ off)[:, 2, 0]
+    centers = centers - (gains[:, :3] @ off)[..., 0]
+    # First order leaves them beside those heights by as much as the second.
     normal = fit.normals[0]
-    centers = centers - ((centers - fit.points[0]) @ normal)[:, None] * normal
+    centers = centers - ((centers - fit.points[0]) @ normal - heights)[:, None] * normal
     moves = np.zeros((len(centers), 5, 3))
     moves[:, :3] = -gains[:, :3] @ by_plane[0, :, 0]
     moves[:, 3:, :2] = np.eye(2)
+    tilted = np.zeros((len(centers), 5, 2))
+    tilted[:, :3] = gains[:, :3, :2]
+    tilted[:, 3:] = np.eye(2)
     total = moves @ fit.covariances[0] @ np.swapaxes(moves, -1, -2)
+    total += tilted @ uneven[:2, :2] @ np.swapaxes(tilted, -1, -2)
     total[:, :3, :3] += (covariances - gains @ across)[:, :3, :3]
     return centers, (total + np.swapaxes(total, -1, -2)) / 2.0
 

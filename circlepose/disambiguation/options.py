@@ -68,8 +68,10 @@ class DisambiguationOptions:
     # One plane for circles that are declared to share it.
     median_chi_square: float = 2.366
     """median of a chi-square of 3 degrees of freedom; exact"""
-    flatness_shares: tuple[float, ...] = (0.0, 1e-3, 1e-2, 0.1, 1.0)
-    """shares of the variances of `flatness_deg` and `flatness_mm`, of which the likeliest is taken; numerical"""
+    tilt_shares: tuple[float, ...] = (0.0, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0)
+    """shares of the variance of `flatness_deg`, of which the likeliest is taken for a declared plane; numerical"""
+    height_shares: tuple[float, ...] = (0.0, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0, 1000.0, 1e4)
+    """the same of `flatness_mm`; numerical"""
 
     # Whether a hint decides.
     least_log_likelihood: float = -12.5

@@ -23,6 +23,9 @@ def check_world_board(world_board: Target | None, target: Target) -> None:
     _arguments.instance_of(Target, "world_board", world_board, _arguments.HOW_TARGET)
     if world_board.kind != "board":
         raise ArgumentError(f"world_board: expected a target of kind board, got one of kind {world_board.kind}.")
+    if world_board.count != 1:
+        given = world_board.count or "all"
+        raise ArgumentError(f"world_board: is one board in each image, but its count is {given}; leave that out.")
     if world_board.layout == target.layout:
         raise ArgumentError("world_board: is the target itself, whose pose relative to itself is known.")
 

@@ -365,3 +365,12 @@ def test_a_list_that_does_not_fit_says_how_far():
     assert result.status is Status.LAYOUT_MISMATCH
     assert "circles" in result.reason
     assert "none of" not in result.reason
+
+
+def test_a_hexagonal_grid_whose_odd_rows_go_the_other_way_is_refused():
+    # As a grid that begins with the next row.
+    printed = grid("hexagonal", 9, 6, 26.0, 11.0, omit=[(0, column) for column in range(6)])
+    stated = grid("hexagonal", 8, 6, 26.0, 11.0)
+    for azimuth_deg in (20.0, 200.0):
+        result = measured(picture([(printed, posed(printed, azimuth_deg=azimuth_deg))]), stated)
+        assert result.status is Status.LAYOUT_MISMATCH

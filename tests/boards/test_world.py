@@ -310,6 +310,8 @@ def test_a_board_that_may_be_turned_flags_what_is_relative_to_it():
         (TARGET, TARGET, "world_board: expected a target of kind board, got one of kind circle"),
         (Target.board(GRID), Target.board(GRID), "world_board: is the target itself"),
         (TARGET, GRID, "world_board: expected a Target"),
+        (TARGET, Target.board(GRID, count=2), "world_board: is one board in each image, but its count is 2; leave"),
+        (TARGET, Target.board(GRID, count="all"), "world_board: is one board in each image, but its count is all"),
     ],
 )
 def test_a_world_board_that_is_none_is_refused(target, world, message):

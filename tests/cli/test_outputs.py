@@ -337,7 +337,7 @@ def test_an_interrupted_run_leaves_the_complete_table_in_its_place(run, folder, 
     assert code == 0
     assert "1 finished before\n" in err
     code, _, err = run("estimate", folder, "-o", out, "--resume")
-    assert "there is nothing to resume; all images are measured\n" in err
+    assert "there is nothing to resume; all images are measured anew\n" in err
     assert out.read_bytes() == before
 
 

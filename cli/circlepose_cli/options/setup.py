@@ -135,6 +135,8 @@ class Setups:
         typed = self._world_board
         if typed is None:
             return None, None
+        if not typed:
+            raise UsageError("--world-board: expected a target file, or its name beside the images, got nothing.")
         is_name = Path(typed).name == typed and not Path(typed).suffix
         path = _beside(folder, typed) if is_name else Path(typed)
         if path is None:
@@ -142,6 +144,8 @@ class Setups:
                 f"--world-board {printable(typed)}: there is no {printable(typed)}.yaml in "
                 f"{printable(str(folder))}; put the board's target file there, or give its path."
             )
+        if not is_name and not path.suffix and path.with_suffix(".yaml").is_file() and not path.exists():
+            raise UsageError(f"--world-board: {printable(typed)}: there is no such file; {path.name}.yaml is there.")
         world = read_target(path)
         try:
             check_world_board(world, target)

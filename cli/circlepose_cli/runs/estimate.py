@@ -91,7 +91,7 @@ def _run(request: EstimateRequest, held: ExitStack) -> int:
         if journal is not None and journal.discarded:
             reporter.note(f"{journal.path}: was left by an unfinished run; without --resume the run starts again")
         if journal is not None and request.resume and journal.is_new:
-            reporter.note(f"{journal.path}: there is nothing to resume; all images are measured")
+            reporter.note(f"{journal.path}: there is nothing to resume; all images are measured anew")
         is_binary = output_format is FormatChoice.PARQUET
         with suppress(Unfinished), open_output(output, binary=is_binary, overwrite=request.overwrite) as handle:
             bar = reporter.running(total, shows_bar=shows_bar)
