@@ -49,6 +49,12 @@ def project_pinhole(points: FloatArray, dist_coeffs: FloatArray) -> tuple[FloatA
     return u, v
 
 
+def pinhole_plane(x: FloatArray, y: FloatArray, dist_coeffs: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Distort points x, y (...) of the normalized plane by the formula alone, also where the model folds back."""
+    u, v, *_ = _distorted(x, y, _fourteen(dist_coeffs))
+    return u, v
+
+
 def _on_plane(points: FloatArray, dist_coeffs: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return x and y (...) of `points` (..., 3) on the normalized plane, and 1 / z; NaN beyond the lens model."""
     p = np.asarray(points, dtype=np.float64)
@@ -156,7 +162,7 @@ def distort_fisheye(points: FloatArray, dist_coeffs: FloatArray) -> tuple[FloatA
     axial_distance = np.hypot(p[..., 0], p[..., 1])
     theta = np.arctan2(axial_distance, p[..., 2])
     theta = np.where(theta < fisheye_valid_angle(tuple(dist_coeffs)), theta, np.nan)
-    bent, bent_slope = _fisheye_radius(theta, dist_coeffs)
+    bent, bent_slope = fisheye_radius(theta, dist_coeffs)
     square = axial_distance**2 + p[..., 2] ** 2
     # On the axis the direction (x, y)/distance is undefined, but all its products have the limit of a pinhole.
     near_axis = axial_distance <= 1e-12 * np.sqrt(square)
@@ -180,12 +186,12 @@ def undistort_fisheye(distorted: FloatArray, dist_coeffs: FloatArray) -> FloatAr
     limit = fisheye_valid_angle(tuple(dist_coeffs))
     theta = np.minimum(radius, limit)
     for _ in range(50):
-        bent, slope = _fisheye_radius(theta, dist_coeffs)
+        bent, slope = fisheye_radius(theta, dist_coeffs)
         step = (bent - radius) / np.where(slope > 0.0, slope, 1.0)
         theta = np.clip(theta - step, 0.0, limit)
         if np.all(np.abs(step) <= 1e-15):
             break
-    bent, _ = _fisheye_radius(theta, dist_coeffs)
+    bent, _ = fisheye_radius(theta, dist_coeffs)
     with np.errstate(invalid="ignore"):
         theta = np.where((np.abs(bent - radius) < 1e-12 * (1.0 + radius)) & (theta < limit), theta, np.nan)
     direction = d / np.where(radius == 0.0, 1.0, radius)[..., None]
@@ -209,11 +215,12 @@ def valid_radius(dist_coeffs: tuple[float, ...]) -> float:
 def fisheye_valid_angle(dist_coeffs: tuple[float, ...]) -> float:
     """Return the field angle (rad, at most pi) up to which the fisheye model grows outwards."""
     theta = np.linspace(0.0, np.pi, 20001)
-    growing = np.diff(_fisheye_radius(theta, np.array(dist_coeffs))[0]) > 0.0
+    growing = np.diff(fisheye_radius(theta, np.array(dist_coeffs))[0]) > 0.0
     return float(np.pi) if growing.all() else float(theta[np.argmin(growing)])
 
 
-def _fisheye_radius(theta: FloatArray, dist_coeffs: FloatArray) -> tuple[FloatArray, FloatArray]:
+def fisheye_radius(theta: FloatArray, dist_coeffs: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the radius on the distorted plane of field angles `theta` (rad), and its derivative, by the formula."""
     k1, k2, k3, k4 = dist_coeffs
     t2 = theta * theta
     bent = theta * (1.0 + t2 * (k1 + t2 * (k2 + t2 * (k3 + t2 * k4))))

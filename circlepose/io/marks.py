@@ -9,6 +9,9 @@ from pathlib import Path
 
 COMMENT = "# Written by circlepose"
 """a line of its own, among the first three of a YAML file of ours"""
+XML_COMMENT = "<!-- circlepose -->"
+JSON_MARK = '{"written_by": "circlepose"'
+"""how a JSON file of another tool's form begins where we wrote it"""
 HEAD_BYTES = 4096
 _TAIL_BYTES = 65536
 _CSV_HEADERS = (
@@ -75,10 +78,10 @@ def is_marked(head: bytes) -> bool:
             head = zlib.decompressobj(31).decompress(head, HEAD_BYTES)
     if head.replace(b"\t", b",").startswith(_CSV_HEADERS) or _has_chosen_columns(head):
         return True
-    if head.startswith(b'{"schema": "circlepose.'):
+    if head.startswith((b'{"schema": "circlepose.', JSON_MARK.encode())):
         return True
     if head.startswith((b"<?xml", b"<svg")):
-        return b"<!-- circlepose -->" in head
+        return XML_COMMENT.encode() in head
     if head.startswith((_PNG, _JPEG)):
         return _picture_mark(head) in (_DRAWN, _RENDERED)
     return COMMENT.encode() in head.splitlines()[:3]
@@ -135,7 +138,7 @@ def with_plot_mark(content: bytes) -> bytes:
     """Return a PNG, SVG or PDF file with the mark of a drawn picture."""
     if content.startswith(b"<?xml"):
         declaration, _, rest = content.partition(b"\n")
-        return declaration + b"\n<!-- circlepose -->\n" + rest
+        return declaration + f"\n{XML_COMMENT}\n".encode() + rest
     if content.startswith(b"%PDF"):
         return content + _PDF_END
     return with_picture_mark(content, drawn=True)

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.io import savemat
 
 from circlepose.camera.camera import Camera
-from circlepose.io.calibration.file_storage import storage_text
+from circlepose.io.calibration.writers.storage_syntax import yaml_text
 from circlepose.io.calibration.reader import CameraFile
 from circlepose_cli.reports.camera import describe, report_record
 
@@ -78,7 +78,7 @@ def _storages() -> dict[str, bytes]:
     return {
         "opencv json": json.dumps(document, indent=1).encode(),
         "opencv xml": "\n".join(xml).encode(),
-        "written": storage_text(
+        "written": yaml_text(
             {"camera_matrix": _K, "distortion_coefficients": np.zeros((1, 5)), "fisheye_model": 0}
         ).encode(),
     }

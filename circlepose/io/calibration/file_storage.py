@@ -1,4 +1,4 @@
-"""The syntax of OpenCV's FileStorage: YAML 1.0 and 1.2, XML and JSON to plain values, and YAML text to write.
+"""The syntax of OpenCV's FileStorage: YAML 1.0 and 1.2, XML and JSON to plain values.
 
 Not read through cv2: its FileStorage raises on YAML of other tools and gives 0 for a key that is not there.
 """
@@ -11,10 +11,8 @@ from collections.abc import Mapping
 from xml.etree import ElementTree
 
 from circlepose._arguments import shown
-from circlepose._typing import FloatArray
 from circlepose.errors import CalibrationError
 from circlepose.io.calibration.cameras import listed
-from circlepose.io.marks import COMMENT
 from circlepose.io.text.validation import brief
 from circlepose.io.text.yaml import MAX_DEPTH, MatrixNode, load_yaml, no_keys, value_problem
 
@@ -84,25 +82,6 @@ def _entries(document: object, name: str) -> dict[str, object]:
     if not isinstance(document, dict):
         raise CalibrationError(f"{name}: {no_keys(document, _EXAMPLE)}.")
     return {str(key): value for key, value in document.items()}
-
-
-def storage_text(entries: Mapping[str, int | str | FloatArray]) -> str:
-    """Return FileStorage YAML text of whole numbers, plain words and matrices (n, m); floats keep every bit."""
-    lines = ["%YAML 1.2", "---", COMMENT]
-    for key, value in entries.items():
-        if isinstance(value, int | str):
-            lines.append(f"{key}: {value}")
-            continue
-        rows = [", ".join(repr(float(each)) for each in row) for row in value]
-        data = ",\n       ".join(row for row in rows if row)
-        lines += [
-            f"{key}: !!opencv-matrix",
-            f"   rows: {value.shape[0]}",
-            f"   cols: {value.shape[1]}",
-            "   dt: d",
-            f"   data: [ {data} ]" if data else "   data: []",
-        ]
-    return "\n".join(lines) + "\n"
 
 
 def _parse_json(text: str, name: str) -> object:

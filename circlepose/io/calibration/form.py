@@ -22,6 +22,8 @@ class Reading:
     """how the file calls `camera_matrix` and `dist_coeffs`, for messages on their numbers"""
     errors_px: Mapping[str, float] = field(default_factory=dict)
     """the reprojection errors that the file states for this camera, by their keys"""
+    name: str = ""
+    """by which the camera was asked for, or could be; empty where it has no name"""
 
 
 @dataclass(frozen=True, slots=True)

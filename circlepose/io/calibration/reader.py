@@ -11,20 +11,18 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
-
 from circlepose._arguments import shown
-from circlepose._typing import FloatArray
-from circlepose.camera.camera import EXACT, Camera
+from circlepose.camera.camera import Camera
 from circlepose.camera.plausibility import Doubt, doubts, reprojection_doubts
 from circlepose.errors import CalibrationError
 from circlepose.io.atomic import atomic_writer
 from circlepose.io.calibration import numbers
 from circlepose.io.calibration.document import read_document
-from circlepose.io.calibration.file_storage import storage_text
 from circlepose.io.calibration.form import Reading
 from circlepose.io.calibration.lens_models import plain
 from circlepose.io.calibration.registry import form_of
+from circlepose.io.calibration.writers.opencv import storage_entries
+from circlepose.io.calibration.writers.storage_syntax import yaml_text
 from circlepose.io.text.escaping import printable
 from circlepose.io.text.source import Source
 
@@ -54,6 +52,8 @@ class CameraFile:
     """remarks for a person: what was chosen, what is missing"""
     doubts: tuple[Doubt, ...] = ()
     """what looks wrong, the grave first"""
+    name: str = ""
+    """what the file calls this camera, where it has names; empty where it has none"""
 
     def refuse_grave(self, insist: str = "set force_calibration") -> None:
         """Raise `CalibrationError` on what no camera has: file, key, what it looks like and how to `insist`."""
@@ -122,7 +122,8 @@ def _read(source: Source, camera_name: str | None) -> CameraFile:
     found = sorted(_doubts(reading, entries, camera_name, name), key=lambda doubt: not doubt.is_grave)
     shown_doubts = tuple(replace(each, about=printable(each.about), text=printable(each.text)) for each in found)
     notes = tuple(map(printable, reading.notes))
-    return CameraFile(reading.camera, form.name, Path(name), target, notes, shown_doubts)
+    own_name = printable(reading.name or camera_name or "")
+    return CameraFile(reading.camera, form.name, Path(name), target, notes, shown_doubts, own_name)
 
 
 def write_camera(camera: Camera, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
@@ -142,22 +143,8 @@ def write_camera(camera: Camera, path: str | os.PathLike[str], *, overwrite: boo
     OutputError
         Where the file cannot be written, or exists and is not circlepose's.
     """
-    entries: dict[str, int | str | FloatArray] = {}
-    if camera.image_size is not None:
-        entries = {"image_width": camera.image_size[0], "image_height": camera.image_size[1]}
-    sigma = camera.sigma
-    if sigma != EXACT:
-        entries["camera_matrix_std_dev"] = np.array([[sigma.focal_px] * 2 + [sigma.center_px] * 2]).T
-    text = storage_text(
-        {
-            **entries,
-            "fisheye_model": int(camera.model == "fisheye"),
-            "camera_matrix": camera.camera_matrix,
-            "distortion_coefficients": camera.dist_coeffs[None, :],
-        }
-    )
     with atomic_writer(path, overwrite=overwrite) as handle:
-        handle.write(text)
+        handle.write(yaml_text(storage_entries(camera)))
 
 
 def _doubts(reading: Reading, entries: _Entries, camera_name: str | None, where: str) -> Iterator[Doubt]:

@@ -9,8 +9,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from circlepose.camera.camera import Camera
-from circlepose.io.calibration.file_storage import parse_storage, storage_text
+from circlepose.io.calibration.file_storage import parse_storage
 from circlepose.io.calibration.reader import read_camera, write_camera
+from circlepose.io.calibration.writers.storage_syntax import yaml_text
 
 # OpenCV flushes numbers below the smallest normal one to zero on some platforms.
 NUMBERS = st.floats(allow_nan=False, allow_infinity=False, allow_subnormal=False)
@@ -23,7 +24,7 @@ shared_folder = settings(suppress_health_check=[HealthCheck.function_scoped_fixt
 @given(st.lists(NUMBERS, min_size=1, max_size=15))
 def test_opencv_reads_what_we_write_to_the_bit(values: list[float]) -> None:
     matrix = np.array([values])
-    text = storage_text({"image_width": 640, "word": "pinhole", "m": matrix})
+    text = yaml_text({"image_width": 640, "word": "pinhole", "m": matrix})
     storage = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
     assert storage.getNode("m").mat().tobytes() == matrix.tobytes()
     assert storage.getNode("image_width").real() == 640

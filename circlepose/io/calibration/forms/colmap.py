@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 import struct
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from circlepose._arguments import shown
 from circlepose.camera.camera import LensModel
@@ -93,7 +93,7 @@ def _read(document: Document, camera_name: str | None) -> Reading:
     if not entries:
         raise CalibrationError(f"{document.name}: is COLMAP's, and holds no line of a camera; give its cameras.txt.")
     name, notes = choose(list(entries), camera_name, document.name)
-    return _reading(entries[name], notes)
+    return replace(_reading(entries[name], notes), name=name)
 
 
 def _text_entries(document: Document) -> Iterator[tuple[str, _Entry]]:

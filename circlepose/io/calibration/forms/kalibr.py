@@ -30,7 +30,7 @@ def _read(document: Document, camera_name: str | None) -> Reading:
     where = f"{document.name}: {name}" if name else document.name
     reading = _camera(cameras[name], where)
     refuse_group(name, where, reading.camera)
-    return Reading(reading.camera, notes + reading.notes)
+    return Reading(reading.camera, notes + reading.notes, name=name)
 
 
 def _cameras(entries: Mapping[str, object]) -> dict[str, Mapping[str, object]]:

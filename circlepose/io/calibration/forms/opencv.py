@@ -23,7 +23,7 @@ def _read(document: Document, camera_name: str | None) -> Reading:
         raise CalibrationError(f"{where}: camera_matrix: is missing; found the keys {some_keys(document.entries)}.")
     camera, notes = pick(cameras, camera_name, where)
     reading = assemble(camera.fields, where, is_storage=True)
-    return Reading(reading.camera, notes + reading.notes, reading.keys, reading.errors_px)
+    return Reading(reading.camera, notes + reading.notes, reading.keys, reading.errors_px, camera.name)
 
 
 FORM = Form("OpenCV FileStorage", _recognizes, _read, is_generic=True)

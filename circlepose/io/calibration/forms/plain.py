@@ -29,7 +29,7 @@ def _read(document: Document, camera_name: str | None) -> Reading:
         return assemble(fields_of(document.entries), where)
     camera, notes = pick(cameras, camera_name, where)
     reading = assemble(camera.fields, where)
-    return Reading(reading.camera, notes + reading.notes, reading.keys, reading.errors_px)
+    return Reading(reading.camera, notes + reading.notes, reading.keys, reading.errors_px, camera.name)
 
 
 FORM = Form("keys and values", _recognizes, _read, is_generic=True)

@@ -55,7 +55,8 @@ def _read(document: Document, camera_name: str | None) -> Reading:
     inside = f"{where}: {name}" if name else where
     reading = read_info(entries, inside)
     refuse_group(name, inside, reading.camera)
-    return Reading(reading.camera, notes + reading.notes)
+    own_name = entries.get("camera_name")
+    return Reading(reading.camera, notes + reading.notes, name=own_name if isinstance(own_name, str) else name)
 
 
 def read_info(entries: Mapping[str, object], where: str) -> Reading:
