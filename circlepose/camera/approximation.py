@@ -16,7 +16,7 @@ from circlepose.camera.camera import Camera, LensModel
 
 _ACROSS, _DOWN = 41, 31
 """pixels of the image at which models are compared, in a grid that reaches into the corners"""
-_WIDEST_DEG = 80.0
+WIDEST_DEG = 80.0
 """Field angle up to which a pinhole model is fitted: at 90 deg it has no image."""
 _LEAST_PIXELS = 30
 _STEPS = 200
@@ -82,7 +82,7 @@ def _samples(camera: Camera, model: LensModel) -> tuple[FloatArray, FloatArray, 
     grid = np.meshgrid(np.linspace(0.0, width - 1.0, _ACROSS), np.linspace(0.0, height - 1.0, _DOWN))
     pixels = np.stack([each.ravel() for each in grid], axis=-1)
     rays = camera.rays(pixels)
-    least_depth = np.cos(np.radians(_WIDEST_DEG)) if model == "pinhole" else -1.0
+    least_depth = np.cos(np.radians(WIDEST_DEG)) if model == "pinhole" else -1.0
     with np.errstate(invalid="ignore"):
         is_seen = rays[:, 2] >= least_depth
     return pixels[is_seen], rays[is_seen], float(np.mean(is_seen))

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -35,7 +37,7 @@ def test_more_coefficients_never_fit_worse() -> None:
     camera = pinhole(12)
     rms = [fit.rms_px for count in (0, 4, 5, 8, 12) if (fit := approximate(camera, "pinhole", count)) is not None]
     assert len(rms) == 5
-    for fewer, more in zip(rms, rms[1:], strict=False):
+    for fewer, more in pairwise(rms):
         assert more <= fewer + 1e-9
 
 

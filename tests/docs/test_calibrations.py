@@ -13,6 +13,8 @@ import pytest
 from circlepose.errors import CalibrationError
 from circlepose.io.calibration.reader import read_camera, read_camera_file
 from circlepose.io.calibration.registry import FORMS
+from circlepose.io.calibration.writers.registry import WRITERS
+from circlepose.io.calibration.writers.writer import NAME, SIGMA, SKEW, TARGET, Writer
 from tests.support.paths import ROOT
 
 PAGES = ROOT / "docs" / "calibrations"
@@ -51,6 +53,24 @@ EXAMPLES = examples()
 def test_each_form_has_a_row_of_the_table_in_which_its_page_is_linked() -> None:
     assert set(PAGE_OF) == {form.name for form in FORMS}
     assert {page.stem for page in PAGES.glob("*.md")} == {"README", *PAGE_OF.values()}
+
+
+@pytest.mark.parametrize("writer", WRITERS.values(), ids=lambda writer: writer.key)
+def test_each_form_that_is_written_has_a_row_with_what_it_holds(writer: Writer) -> None:
+    row = next(line for line in README.splitlines() if f"| `{writer.key}` |" in line)
+    name, _, lenses, others, endings = [cell.strip() for cell in row.strip("|").split(" | ")]
+    assert name == f"[{writer.name}]({PAGE_OF[writer.name]}.md)"
+    assert {int(number) for number in re.findall(r"\d+", lenses)} == {lens.count for lens in writer.lenses}
+    assert ("fisheye" in lenses.lower() or "equidistant" in lenses) == (
+        "fisheye" in {lens.model for lens in writer.lenses}
+    )
+    words = {SKEW: "skew", SIGMA: "how well", TARGET: "target", NAME: "the camera's"}
+    assert writer.holds == {held for held, word in words.items() if word in others}
+    plain = {ending for ending in writer.endings if not ending.endswith(".gz")}
+    assert set(re.findall(r"`(\.\w+)`", endings)) - {".gz"} == plain
+    assert ("`.gz`" in endings) == (len(plain) < len(writer.endings))
+    page = (PAGES / f"{PAGE_OF[writer.name]}.md").read_text(encoding="utf-8")
+    assert f"**Written** by `circlepose camera --to {writer.key}`" in page
 
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda example: f"{example.page}-{example.number}")

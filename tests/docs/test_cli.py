@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import get_args
 
 import pytest
 import typer.main
 
 from circlepose.detection import EXTRACTIONS
+from circlepose.io.calibration.writers import WrittenForm
 from circlepose.io.tables import LAYOUTS
 from circlepose.io.tables.board_rows import BOARD_COLUMN_MEANING
 from circlepose.io.tables.columns import COLUMN_MEANING
@@ -51,7 +53,17 @@ def test_every_command_and_option_is_in_the_manual(manual, name):
 
 
 @pytest.mark.parametrize(
-    "choices", [(*METHODS, "all"), POLARITIES, EXTRACTIONS, CheckFormat, FormatChoice, LAYOUTS, ReportFormat]
+    "choices",
+    [
+        (*METHODS, "all"),
+        POLARITIES,
+        EXTRACTIONS,
+        CheckFormat,
+        FormatChoice,
+        LAYOUTS,
+        ReportFormat,
+        get_args(WrittenForm),
+    ],
 )
 def test_every_choice_is_in_the_manual(manual, choices):
     for choice in choices:
@@ -78,13 +90,30 @@ def test_statuses_explains_all_of_them(capsys):
 
 @pytest.mark.parametrize(
     "command",
-    ["camera configs/calibration/opencv.yaml", "inspect sample_images/coplanar/b.png --rings", "statuses", "schema"],
+    [
+        "camera configs/calibration/opencv.yaml",
+        "camera configs/calibration/opencv.yaml --to colmap",
+        "inspect sample_images/coplanar/b.png --rings",
+        "statuses",
+        "schema",
+    ],
 )
 def test_sample_output_in_the_manual_is_what_is_printed(manual, command, capsys, monkeypatch, project_root):
     monkeypatch.chdir(project_root)
     assert main(command.split()) == 0
     printed = capsys.readouterr().out
     assert f"```console\n$ circlepose {command}\n{printed}```\n" in manual
+
+
+def test_the_refusal_of_a_conversion_in_the_manual_is_what_is_said(manual, capsys, monkeypatch, project_root):
+    monkeypatch.chdir(project_root)
+    command = "camera configs/calibration/opencv_fisheye.yaml --to mrcal"
+    assert main(command.split()) == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert f"`circlepose {command}`" in manual
+    # The manual breaks the line.
+    assert " ".join(said.err.split()) in " ".join(manual.split())
 
 
 SCENE = """

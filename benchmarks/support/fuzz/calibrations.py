@@ -13,8 +13,8 @@ import numpy as np
 from scipy.io import savemat
 
 from circlepose.camera.camera import Camera
-from circlepose.io.calibration.writers.storage_syntax import yaml_text
 from circlepose.io.calibration.reader import CameraFile
+from circlepose.io.calibration.writers.storage_syntax import yaml_text
 from circlepose_cli.reports.camera import describe, report_record
 
 _ROOT = Path(__file__).resolve().parents[3]

@@ -61,15 +61,16 @@ def _checked(request: ConvertRequest) -> WrittenForm:
     if request.to is None:
         option = "-o" if request.output is not None else "--overwrite"
         raise UsageError(
-            f"{option}: needs --to {'|'.join(get_args(WrittenForm))}, the form of the calibration to write; the report "
-            "goes to standard output."
+            f"{option}: needs --to {'|'.join(get_args(WrittenForm))}, the form of the calibration to write; the "
+            "report goes to standard output."
         )
     if request.report_format is not ReportFormat.TEXT:
         raise UsageError(
-            f"--format {request.report_format}: is of the report, and --to writes a calibration instead; leave one out."
+            f"--format {request.report_format}: is of the report, and --to writes a calibration instead; leave one "
+            "of them out."
         )
     if request.target_file is not None:
-        raise UsageError("--target: is for the report, and --to writes a calibration instead; leave one out.")
+        raise UsageError("--target: is for the report, and --to writes a calibration instead; leave one of them out.")
     if request.overwrite and request.output is None:
         raise UsageError("--overwrite: needs -o FILE, the file to replace.")
     return request.to

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from circlepose.camera.approximation import Approximation, approximate
+from circlepose.camera.approximation import WIDEST_DEG, Approximation, approximate
 from circlepose.camera.camera import Camera
 from circlepose.camera.lens import PINHOLE_COUNTS
 from circlepose.errors import CalibrationError
@@ -30,8 +30,8 @@ def refusal(camera: Camera, writer: Writer, others: Iterable[Writer], where: str
     holding = [f"--to {each.key}" for each in others if exact_lens(camera, each) is not None]
     hold = f"{holding[0]} holds" if len(holding) == 1 else f"{', '.join(holding[:-1])} and {holding[-1]} hold"
     return CalibrationError(
-        f"{where}: {writer.name} cannot hold {_described(camera)} exactly (it has {_listed(writer)}); "
-        f"{_residual(camera, writer)}; {hold} it exactly."
+        f"{where}: {writer.name} cannot hold {_described(camera)} exactly; {_residual(camera, writer)}; {hold} it "
+        "exactly."
     )
 
 
@@ -58,11 +58,6 @@ def _last_term(camera: Camera) -> str:
     return COEFFICIENTS[int(camera.dist_coeffs.nonzero()[0][-1])]
 
 
-def _listed(writer: Writer) -> str:
-    names = [each.name for each in writer.lenses]
-    return ", ".join(names) + ("" if SKEW in writer.holds else ", all without skew")
-
-
 def _residual(camera: Camera, writer: Writer) -> str:
     """Return how far the nearest model of a form is off, as a part of a sentence."""
     if camera.image_size is None:
@@ -74,9 +69,13 @@ def _residual(camera: Camera, writer: Writer) -> str:
         if fit is not None:
             found.append((fit, each))
     if not found:
-        return "none of its models sees enough of the image to be compared"
+        return "none of its models reaches enough of the image to be compared"
     fit, lens = min(found, key=lambda pair: (-round(pair[0].share, 2), pair[0].rms_px))
     over = "the image"
     if fit.share < 1.0:
-        over = f"the {100.0 * fit.share:.0f} % of the image that it can see"
-    return f"its nearest, {lens.name}, is off by {fit.rms_px:.2g} px rms and {fit.max_px:.2g} px at most over {over}"
+        where = f"within {WIDEST_DEG:g} deg of the axis" if lens.model == "pinhole" else "that the lens model reaches"
+        over = f"the {100.0 * fit.share:.0f} % of the image {where}"
+    return (
+        f"its nearest model, {lens.name}, is off by {fit.rms_px:.2g} px rms and {fit.max_px:.2g} px at most over "
+        f"{over}"
+    )
