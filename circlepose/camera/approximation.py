@@ -14,12 +14,15 @@ from circlepose._typing import FloatArray
 from circlepose.camera import lens
 from circlepose.camera.camera import Camera, LensModel
 
-_ACROSS, _DOWN = 41, 31
-"""pixels of the image at which models are compared, in a grid that reaches into the corners"""
+_FITTED = (41, 31)
+_COMPARED = (81, 61)
+"""Columns and rows of the grids of pixels to which a model is fitted, and at which it is compared: to the corners."""
 WIDEST_DEG = 80.0
 """Field angle up to which a pinhole model is fitted: at 90 deg it has no image."""
 _LEAST_PIXELS = 30
-_STEPS = 200
+_STEPS = 60
+_SMALLEST_GAIN = 1e-5
+"""The fit ends where a step makes the sum of squares smaller by less than this share."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +55,7 @@ def approximate(camera: Camera, model: LensModel, count: int) -> Approximation |
 
     if camera.image_size is None:
         return None
-    pixels, rays, share = _samples(camera, model)
+    pixels, rays, _ = _samples(camera, model, _FITTED)
     if len(pixels) < _LEAST_PIXELS:
         return None
     project = _projection(model, rays)
@@ -66,21 +69,26 @@ def approximate(camera: Camera, model: LensModel, count: int) -> Approximation |
     starts = [np.array([*core, *own, *np.zeros(count - len(own))]), np.array([*core, *np.zeros(count)])]
     with np.errstate(all="ignore"):
         fits = [
-            least_squares(residuals, start, x_scale="jac", max_nfev=_STEPS, xtol=1e-12, ftol=1e-12, gtol=1e-12)
+            least_squares(
+                residuals, start, x_scale="jac", max_nfev=_STEPS, ftol=_SMALLEST_GAIN, xtol=1e-12, gtol=1e-12
+            )
             for start in starts
             if np.isfinite(residuals(start)).all()
         ]
     if not fits:
         return None
-    distances = np.hypot(*min(fits, key=lambda fit: float(fit.cost)).fun.reshape(-1, 2).T)
+    best = min(fits, key=lambda fit: float(fit.cost)).x
+    pixels, rays, share = _samples(camera, model, _COMPARED)
+    with np.errstate(all="ignore"):
+        distances = np.hypot(*(_projection(model, rays)(best) - pixels).T)
     return Approximation(float(np.sqrt(np.mean(distances**2))), float(distances.max()), share)
 
 
-def _samples(camera: Camera, model: LensModel) -> tuple[FloatArray, FloatArray, float]:
+def _samples(camera: Camera, model: LensModel, grid: tuple[int, int]) -> tuple[FloatArray, FloatArray, float]:
     """Return pixels (n, 2) of the image, their rays (n, 3), and the share of the image that they stand for."""
     width, height = camera.image_size or (1, 1)
-    grid = np.meshgrid(np.linspace(0.0, width - 1.0, _ACROSS), np.linspace(0.0, height - 1.0, _DOWN))
-    pixels = np.stack([each.ravel() for each in grid], axis=-1)
+    places = np.meshgrid(np.linspace(0.0, width - 1.0, grid[0]), np.linspace(0.0, height - 1.0, grid[1]))
+    pixels = np.stack([each.ravel() for each in places], axis=-1)
     rays = camera.rays(pixels)
     least_depth = np.cos(np.radians(WIDEST_DEG)) if model == "pinhole" else -1.0
     with np.errstate(invalid="ignore"):

@@ -24,6 +24,10 @@ circlepose inspect photo.png --rings --major-px 100:400""",
 circlepose explain photo.png --calib cam.yaml --radius-mm 60
 circlepose explain photo.png --picture why.png
 circlepose explain photo.png --format json""",
+    "camera": """\
+circlepose camera cam.yaml
+circlepose camera cam.yaml --to ros -o camera_info.yaml
+circlepose camera camchain.yaml --camera-name cam1 --to opencv -o cam1.xml""",
     "completion": """\
 circlepose completion bash >> ~/.bashrc
 circlepose completion zsh > ~/.zfunc/_circlepose

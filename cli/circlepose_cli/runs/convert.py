@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
@@ -14,7 +15,7 @@ from circlepose.io.calibration.writers.conversion import convert
 from circlepose.io.calibration.writers.registry import WRITERS
 from circlepose.io.output_conflicts import Outputs
 from circlepose.io.remote.images import Place, RemoteFile
-from circlepose.io.text.escaping import printable, quoted
+from circlepose.io.text.escaping import printable
 from circlepose_cli.options.declared import ReportFormat
 from circlepose_cli.output.destination import open_output, output_place
 
@@ -53,7 +54,7 @@ def run(request: ConvertRequest) -> None:
         _say(f"note: {remark}")
     if output is not None:
         name = str(output)
-        _say(f"{name}: {conversion.form}, {conversion.lens}; to see it: circlepose camera {quoted(name)}")
+        _say(f"{name}: {conversion.form}, {conversion.lens}; to see it: circlepose camera {shlex.quote(name)}")
 
 
 def _checked(request: ConvertRequest) -> WrittenForm:

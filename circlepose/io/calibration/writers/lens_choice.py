@@ -73,7 +73,9 @@ def _residual(camera: Camera, writer: Writer) -> str:
     fit, lens = min(found, key=lambda pair: (-round(pair[0].share, 2), pair[0].rms_px))
     over = "the image"
     if fit.share < 1.0:
-        where = f"within {WIDEST_DEG:g} deg of the axis" if lens.model == "pinhole" else "that the lens model reaches"
+        where = (
+            f"within {WIDEST_DEG:g} deg of the axis" if lens.model != camera.model else "that the lens model reaches"
+        )
         over = f"the {100.0 * fit.share:.0f} % of the image {where}"
     return (
         f"its nearest model, {lens.name}, is off by {fit.rms_px:.2g} px rms and {fit.max_px:.2g} px at most over "
