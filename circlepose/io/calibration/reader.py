@@ -129,7 +129,7 @@ def _read(source: Source, camera_name: str | None) -> CameraFile:
 def write_camera(camera: Camera, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
     """Write a camera as OpenCV FileStorage YAML, every float to the last bit.
 
-    A skew is kept for `read_camera`; OpenCV's own functions pass over it. `writers.conversion.convert` has other forms.
+    A skew is kept for `read_camera`; OpenCV's own functions pass over it. Other forms: `writers.conversion.convert`.
 
     Parameters
     ----------
