@@ -16,6 +16,7 @@ from pydantic import Field
 
 from circlepose._arguments import shown
 from circlepose.errors import TargetError
+from circlepose.io.print_scale import PrintScale, printed_layout
 from circlepose.io.text.source import read_source
 from circlepose.io.text.validation import Strict, brief, parse
 from circlepose.targets.board import PATTERNS, BoardCircle, BoardLayout, Grid, Pattern, Place
@@ -72,9 +73,10 @@ def layout_of(
     circles: Sequence[CircleForm] | str | None,
     side: Literal["auto", "front", "back"],
     shape_file: str | None,
+    scale: PrintScale | None = None,
     folder: Path,
 ) -> BoardLayout:
-    """Return the layout that a target file describes; files that it names are sought in `folder`.
+    """Return the layout that a target file describes, printed at `scale`; files that it names are sought in `folder`.
 
     Raises `TargetError`, without the name of the target file in front.
     """
@@ -100,7 +102,11 @@ def layout_of(
         forms = _read_circles(folder / circles) if isinstance(circles, str) else circles
         assert forms is not None
         layout = BoardLayout(tuple(_circle(each, i, radius_mm) for i, each in enumerate(forms)), side=side)
-    return layout if shape_file is None else shaped(layout, folder / shape_file)
+    if scale is None:
+        return layout if shape_file is None else shaped(layout, folder / shape_file)
+    if shape_file is not None:
+        raise TargetError("print_scale, shape_file: give one of them; the shape was measured on what was printed.")
+    return printed_layout(layout, scale)
 
 
 def shaped(layout: BoardLayout, path: Path) -> BoardLayout:

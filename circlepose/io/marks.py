@@ -52,6 +52,7 @@ _PNG_HEAD_BYTES = 33
 _JPEG = b"\xff\xd8"
 _PARQUET_SCHEMAS = (b"circlepose.poses/", b"circlepose.boards/", b"circlepose.pairs/")
 _PDF_END = b"%circlepose\n"
+_DXF_COMMENT = b"999\ncirclepose\n"
 _DRAWN = b"circlepose picture"
 _RENDERED = b"circlepose render"
 
@@ -84,6 +85,8 @@ def is_marked(head: bytes) -> bool:
         return XML_COMMENT.encode() in head
     if head.startswith((_PNG, _JPEG)):
         return _picture_mark(head) in (_DRAWN, _RENDERED)
+    if head.startswith(_DXF_COMMENT):
+        return True
     return COMMENT.encode() in head.splitlines()[:3]
 
 
@@ -135,12 +138,14 @@ def with_picture_mark(content: bytes, *, drawn: bool) -> bytes:
 
 
 def with_plot_mark(content: bytes) -> bytes:
-    """Return a PNG, SVG or PDF file with the mark of a drawn picture."""
+    """Return a PNG, SVG, PDF or DXF file with the mark of a drawn picture."""
     if content.startswith(b"<?xml"):
         declaration, _, rest = content.partition(b"\n")
         return declaration + f"\n{XML_COMMENT}\n".encode() + rest
     if content.startswith(b"%PDF"):
         return content + _PDF_END
+    if content.startswith(b"  0\nSECTION"):
+        return _DXF_COMMENT + content
     return with_picture_mark(content, drawn=True)
 
 

@@ -16,6 +16,8 @@ from circlepose.errors import TargetError, UsageError
 from circlepose.io.atomic import atomic_writer
 from circlepose.io.board_file import CircleForm, GridForm, MarkForm, layout_of, layout_to_mapping
 from circlepose.io.marks import COMMENT
+from circlepose.io.print_scale import EXPECTED as PRINT_SCALE
+from circlepose.io.print_scale import PrintScale, print_scale_of
 from circlepose.io.text.escaping import printable
 from circlepose.io.text.source import Source, read_source
 from circlepose.io.text.validation import Strict, parse
@@ -80,6 +82,7 @@ class _TargetForm(Strict):
     )
     shape_file: str | None = Field(None, description="the name of a JSON file that calibrate wrote")
     side: Literal["auto", "front", "back"] = Field("auto", description="one of auto, front, back")
+    print_scale: float | dict[str, object] | None = Field(None, description=PRINT_SCALE)
 
 
 def read_target(source: Source) -> Target:
@@ -99,9 +102,31 @@ def read_target(source: Source) -> Target:
     TargetError
         One sentence: the file, the key and what is expected.
     """
+    return target_from_mapping(*_mapping_of(source))
+
+
+def read_drawn_target(source: Source) -> tuple[Target, PrintScale | None]:
+    """Read a target description as `read_target` does, but with the lengths that are drawn, before printing.
+
+    Returns
+    -------
+    The target, and the `print_scale` of the file, which is not applied.
+
+    Raises
+    ------
+    TargetError
+        As of `read_target`.
+    """
+    mapping, name, folder = _mapping_of(source)
+    scale = None if (given := mapping.get("print_scale")) is None else print_scale_of(given, name)
+    return target_from_mapping({key: mapping[key] for key in mapping if key != "print_scale"}, name, folder), scale
+
+
+def _mapping_of(source: Source) -> tuple[Mapping[str, object], str, Path]:
+    """Return what a target file says, its name and its folder."""
     text, name = read_source(source, TargetError)
     folder = Path(source).parent if isinstance(source, str | os.PathLike) else Path()
-    return target_from_mapping(parse_yaml(text, name, TargetError, "radius_mm: 60"), name, folder)
+    return parse_yaml(text, name, TargetError, "radius_mm: 60"), name, folder
 
 
 def target_from_mapping(mapping: Mapping[str, object], where: str, folder: Path = Path()) -> Target:
@@ -112,15 +137,19 @@ def target_from_mapping(mapping: Mapping[str, object], where: str, folder: Path 
     Keys: `kind`, `radius_mm` or `radii_mm`, `generatrix_mm` or `height_mm`, `count`, `polarity`,
     `axis_intervals_px`, `depth_range_mm`, `same_plane` (or `coplanar`, its former name), `normal_hint`, `up_hint`,
     `facing`, `radius_sigma_mm`, `flatness_sigma_mm`; of a board `grid`, `marks`, `omit`, or `circles`, `side`; and
-    `shape_file`. Raises `TargetError`.
+    `shape_file`; of what is printed `print_scale`. Raises `TargetError`.
     """
     _check_units(mapping, where)
     form = parse(_TargetForm, mapping, where, TargetError)
     kind = _kind(form, where)
+    scale = None if form.print_scale is None else print_scale_of(form.print_scale, where)
     radii = (form.radius_mm,) if form.radius_mm is not None else tuple(form.radii_mm or ())
     axes = form.axis_intervals_px
     try:
-        layout = _layout(form, folder) if kind == "board" else None
+        if scale is not None:
+            scale.refuse_ellipses()
+            radii = tuple(scale.mean * radius for radius in radii)
+        layout = _layout(form, scale, folder) if kind == "board" else None
         return Target(
             kind=kind,
             radii_mm=radii if layout is None else layout.radii_mm,
@@ -231,6 +260,8 @@ def _kind(form: _TargetForm, where: str) -> Kind:
     kind = form.kind or ("board" if is_board else "circle" if form.radii_mm is None else None)
     if kind is None:
         raise TargetError(f"{where}: kind: is missing; radii_mm goes with kind: coplanar or kind: coaxial.")
+    if kind == "coaxial" and form.print_scale is not None:
+        raise TargetError(f"{where}: print_scale: is of a sheet, and a coaxial target is none; state its lengths.")
     if kind == "board":
         if form.radii_mm is not None:
             raise TargetError(f"{where}: radii_mm: a board has radius_mm, and radii_mm in its marks or circles.")
@@ -253,7 +284,7 @@ def _kind(form: _TargetForm, where: str) -> Kind:
     return kind
 
 
-def _layout(form: _TargetForm, folder: Path) -> BoardLayout:
+def _layout(form: _TargetForm, scale: PrintScale | None, folder: Path) -> BoardLayout:
     return layout_of(
         radius_mm=form.radius_mm,
         grid=form.grid,
@@ -262,6 +293,7 @@ def _layout(form: _TargetForm, folder: Path) -> BoardLayout:
         circles=form.circles,
         side=form.side,
         shape_file=form.shape_file,
+        scale=scale,
         folder=folder,
     )
 

@@ -233,6 +233,18 @@ class BoardLayout:
         )
         return replace(self, circles=circles)
 
+    @cached_property
+    def front_axes(self) -> FloatArray:
+        """(2, 3) of a planar layout: unit vectors to the right and down as one looks at its front.
+
+        The first is the board's x as far as it lies in the plane; where x runs away from the viewer, it is y.
+        """
+        normal = self.normals[0]
+        along = np.array([1.0, 0.0, 0.0]) if abs(normal[0]) < 1.0 - _UNIT_TOLERANCE else np.array([0.0, 1.0, 0.0])
+        right = along - (along @ normal) * normal
+        right /= np.linalg.norm(right)
+        return np.stack([right, np.cross(right, normal)])
+
     @property
     def is_planar(self) -> bool:
         """Whether all circles lie in one plane and face one side."""

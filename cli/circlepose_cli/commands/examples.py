@@ -28,6 +28,10 @@ circlepose explain photo.png --format json""",
 circlepose camera cam.yaml
 circlepose camera cam.yaml --to ros -o camera_info.yaml
 circlepose camera camchain.yaml --camera-name cam1 --to opencv -o cam1.xml""",
+    "print": """\
+circlepose print target.yaml -o sheet.svg
+circlepose print board.yaml -o board.pdf --paper A4
+circlepose print rings.yaml -o rings.dxf --light-on-dark""",
     "completion": """\
 circlepose completion bash >> ~/.bashrc
 circlepose completion zsh > ~/.zfunc/_circlepose

@@ -305,3 +305,70 @@ class CheckRequest:
     ] = None
     quiet: declared.Quiet = False
     verbose: declared.Verbose = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PrintRequest:
+    """Options of `circlepose print`."""
+
+    target: Annotated[
+        Path, typer.Argument(metavar="TARGET.yaml", help="Target file to print.", show_default=False)
+    ]
+    output: Annotated[
+        Path,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="SHEET",
+            help="Sheet to write: .svg, .pdf or .dxf. Beside it goes the target of the same name, .yaml.",
+            rich_help_panel=Group.OUTPUT,
+        ),
+    ]
+    paper: Annotated[
+        str | None,
+        typer.Option(
+            "--paper",
+            metavar="SIZE",
+            help="A4, A3, letter or WIDTHxHEIGHT in mm; a larger sheet is cut into tiles. Default: one sheet as "
+            "large as needed.",
+            rich_help_panel=Group.OUTPUT,
+        ),
+    ] = None
+    is_dark_on_light: Annotated[
+        bool | None,
+        typer.Option(
+            "--dark-on-light/--light-on-dark",
+            help="Circles of ink, or of paper on a ground of ink. Default: by the target's polarity, else dark.",
+            show_default=False,
+            rich_help_panel=Group.TARGET,
+        ),
+    ] = None
+    count: Annotated[
+        int | None,
+        typer.Option(
+            "--count",
+            metavar="N",
+            min=1,
+            help="Discs or rings on the sheet. Default: the target's count.",
+            rich_help_panel=Group.TARGET,
+        ),
+    ] = None
+    marks: Annotated[
+        bool,
+        typer.Option(
+            "--marks/--no-marks",
+            help="Whether a board that a turn maps on itself gets a mark that settles its roll.",
+            rich_help_panel=Group.TARGET,
+        ),
+    ] = True
+    code: Annotated[
+        bool,
+        typer.Option(
+            "--qr/--no-qr",
+            help="Whether the target stands on the sheet as a QR code.",
+            rich_help_panel=Group.OUTPUT,
+        ),
+    ] = True
+    overwrite: declared.Overwrite = False
+    quiet: declared.Quiet = False
+    verbose: declared.Verbose = False
