@@ -20,9 +20,6 @@ LAYERS = {
     "TEXT": "small print and names",
     "CODE": "the QR code",
 }
-_CAP = 0.718
-"""Height of Helvetica's capitals, of its size."""
-
 
 def require_dxf() -> None:
     """Raise `UsageError` unless ezdxf is installed."""
@@ -85,11 +82,8 @@ class _Drawing:
 
     def texts(self) -> None:
         for text in self._page.texts:
-            attributes = {"layer": "TEXT", "insert": self._at(text.x_mm, text.y_mm)}
-            turned = {"rotation": 90.0} if text.is_upright else {}
-            # As long as it was laid out, whatever the font is.
-            fit = {"width": 0.8}
-            self._space.add_text(text.letters, height=_CAP * text.size_mm, dxfattribs={**attributes, **turned, **fit})
+            for stroke in text.strokes:
+                self._space.add_lwpolyline([self._at(x, y) for x, y in stroke], dxfattribs={"layer": "TEXT"})
 
     def boxes(self) -> None:
         for box in self._page.code:

@@ -5,15 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from circlepose.errors import UsageError
-from circlepose.sheets.shapes import Box, Line, Page, Text, text_length, wrapped
+from circlepose.sheets.letters import text_length, wrapped
+from circlepose.sheets.shapes import Box, Line, Page, Text
 
 EDGE_MM = 8.0
 """Margin of a page that stays empty; laser printers leave 4 to 6 mm."""
 STRIP_MM = 9.0
 """Width of the strips left of the circles and below them, with the bars."""
-SIZE_MM = 2.6
-"""Size of the letters, about 7.4 points."""
-LEADING_MM = 3.7
+SIZE_MM = 1.8
+"""Height of a capital, as of a font of 7 points."""
+LEADING_MM = 3.5
 BAR_MM = 10.0
 """Bars are a multiple of this."""
 MOST_BAR_MM = 300.0

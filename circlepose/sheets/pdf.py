@@ -96,16 +96,15 @@ def _draw(canvas: Any, page: Page) -> None:
         canvas.line(line.x0_mm, line.y0_mm, line.x1_mm, line.y1_mm)
     if page.code:
         _fill(canvas, page.code, is_ink=True)
-    canvas.setFillGray(0.0)
+    canvas.setStrokeGray(0.0)
     for text in page.texts:
-        canvas.saveState()
-        canvas.translate(text.x_mm, text.y_mm)
-        canvas.scale(1.0, -1.0)
-        if text.is_upright:
-            canvas.rotate(90)
-        canvas.setFont("Helvetica", text.size_mm)
-        canvas.drawString(0.0, 0.0, text.letters)
-        canvas.restoreState()
+        canvas.setLineWidth(text.width_mm)
+        path = canvas.beginPath()
+        for first, *others in text.strokes:
+            path.moveTo(*first)
+            for point in others:
+                path.lineTo(*point)
+        canvas.drawPath(path, stroke=1, fill=0)
 
 
 def _circles(canvas: Any, rings: Rings, is_ink: bool) -> None:

@@ -2,35 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
-_WIDTHS = {
-    222: "ijl",
-    191: "'",
-    260: "|",
-    278: " !,./:;I[\\]ft",
-    333: "()-`r",
-    334: "{}",
-    355: '"',
-    389: "*",
-    469: "^",
-    500: "Jcksvxyz",
-    556: "#$0123456789?L_abdeghnopqu",
-    584: "+<=>~",
-    611: "FTZ",
-    667: "&ABEKPSVXY",
-    722: "CDHNRUw",
-    778: "GOQ",
-    833: "Mm",
-    889: "%",
-    944: "W",
-    1015: "@",
-}
-"""advance widths of Helvetica, in thousandths of the size"""
-_WIDTH_OF = {letter: width for width, letters in _WIDTHS.items() for letter in letters}
-_WIDEST = max(_WIDTHS)
-
+from circlepose.sheets.letters import STROKE, Point, strokes_of
 
 @dataclass(frozen=True, slots=True)
 class Rings:
@@ -82,20 +56,29 @@ class Line:
 
 @dataclass(frozen=True, slots=True)
 class Text:
-    """A line of Helvetica."""
+    """A line of `letters`."""
 
     x_mm: float
     y_mm: float
     """where the base line begins"""
     size_mm: float
+    """height of a capital"""
     letters: str
     is_upright: bool = False
     """whether it runs upwards"""
 
     @property
-    def length_mm(self) -> float:
-        """How long the line is."""
-        return text_length(self.letters, self.size_mm)
+    def width_mm(self) -> float:
+        """Width of its strokes."""
+        return STROKE * self.size_mm
+
+    @property
+    def strokes(self) -> list[list[Point]]:
+        """Its strokes, each through points of the page, mm."""
+        lines = strokes_of(self.letters, self.size_mm)
+        if self.is_upright:
+            return [[(self.x_mm + y, self.y_mm - x) for x, y in line] for line in lines]
+        return [[(self.x_mm + x, self.y_mm + y) for x, y in line] for line in lines]
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,24 +104,3 @@ class Page:
         """Width and height as drawn."""
         return self.width_mm * self.scale[0], self.height_mm * self.scale[1]
 
-
-def text_length(letters: str, size_mm: float) -> float:
-    """Return the length in mm of a line of Helvetica."""
-    return size_mm * sum(_WIDTH_OF.get(letter, _WIDEST) for letter in letters) / 1000.0
-
-
-def plain_letters(text: str) -> str:
-    """Return `text` with ? in place of each character that is no printable one of ASCII."""
-    return "".join(letter if letter in _WIDTH_OF else "?" for letter in text)
-
-
-def wrapped(words: Iterable[str], length_mm: float, size_mm: float) -> list[str]:
-    """Return `words` as lines that are no longer than `length_mm`, but for a single word that is."""
-    lines: list[str] = []
-    for word in words:
-        longer = f"{lines[-1]} {word}" if lines else word
-        if lines and text_length(longer, size_mm) <= length_mm:
-            lines[-1] = longer
-        else:
-            lines.append(word)
-    return lines

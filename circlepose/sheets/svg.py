@@ -28,7 +28,7 @@ def svg_of(page: Page, title: str) -> bytes:
         "</g>",
         *map(_line, page.lines),
         *([_code(page.code)] if page.code else []),
-        f'<g font-family="Helvetica, Arial, Liberation Sans, sans-serif" fill="{_INK}">',
+        f'<g fill="none" stroke="{_INK}">',
         *map(_text, page.texts),
         "</g>",
         *(["</g>"] if scaled else []),
@@ -72,12 +72,11 @@ def _line(line: Line) -> str:
 
 
 def _text(text: Text) -> str:
-    x, y = _number(text.x_mm), _number(text.y_mm)
-    turned = f' transform="rotate(-90 {x} {y})"' if text.is_upright else ""
-    # Whatever the font is, the line is as long as it was laid out.
+    steps = "".join(
+        "M" + " ".join(f"{_number(x)} {_number(y)}" for x, y in stroke) for stroke in text.strokes
+    )
     return (
-        f'<text x="{x}" y="{y}" font-size="{_number(text.size_mm)}" textLength="{_number(text.length_mm)}" '
-        f'lengthAdjust="spacingAndGlyphs"{turned}>{escape(text.letters)}</text>'
+        f'<path stroke-width="{_number(text.width_mm)}" d="{steps}"><title>{escape(text.letters)}</title></path>'
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from circlepose._version import __version__
-from circlepose.sheets.shapes import plain_letters
+from circlepose.sheets.letters import plain_letters
 from circlepose.targets.board import BoardLayout
 from circlepose.targets.target import Target
 
@@ -20,10 +20,12 @@ def described(target: Target, copies: int) -> str:
         noun = "disc" if target.kind == "circle" else "ring"
         several = f"{copies} {noun}s" if copies > 1 else noun
         return f"{several} of {'radius' if len(target.radii_mm) == 1 else 'radii'} {radii} mm"
+    grid, radii = layout.grid, layout.radius_mm
+    if grid is None:
+        low, high = radii.min(), radii.max()
+        sizes = f"radius {low:g} mm" if low == high else f"radii from {low:g} to {high:g} mm"
+        return f"board of {len(layout)} circles of {sizes}"
     radius = f"radius {layout.usual_radius_mm:g} mm"
-    if layout.grid is None:
-        return f"board of {len(layout)} circles, most of {radius}"
-    grid = layout.grid
     return f"board of {grid.rows} x {grid.columns} circles of {radius}, {grid.pattern}, spacing {grid.spacing_mm:g} mm"
 
 
