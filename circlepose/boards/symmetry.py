@@ -46,12 +46,15 @@ def _of_list(layout: BoardLayout) -> list[IntArray]:
     near = _SAME_SHARE * extent
     found = [np.arange(number)]
     away = centers[1] - centers[0]
-    for a in range(number):
+    # A motion that maps the layout on itself leaves its middle in place.
+    from_middle = np.linalg.norm(centers - centers.mean(axis=0), axis=1)
+    for a in np.flatnonzero(np.abs(from_middle - from_middle[0]) < near).tolist():
         if radii[a] != radii[0]:
             continue
         apart = centers - centers[a]
         alike = np.abs(np.linalg.norm(apart, axis=1) - np.linalg.norm(away)) < near
         alike &= np.abs(apart @ normals[a] - away @ normals[0]) < near
+        alike &= np.abs(from_middle - from_middle[1]) < near
         for b in np.flatnonzero(alike).tolist():
             turn = rotation_between(normals[0], away, normals[a], apart[b])
             moved = (centers - centers[0]) @ turn.T + centers[a]

@@ -7,7 +7,6 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import cast
 
 import yaml
 
@@ -23,10 +22,11 @@ from circlepose.sheets import FORMS, Form
 from circlepose.sheets.code import MOST_BYTES, code_of, has_segno
 from circlepose.sheets.dxf import dxf_of, require_dxf
 from circlepose.sheets.figure import figure_of
+from circlepose.sheets.furniture import Code
 from circlepose.sheets.marking import is_roll_ambiguous, with_roll_settled
-from circlepose.sheets.pages import Code, Sheet, lay_out
+from circlepose.sheets.pages import lay_out
 from circlepose.sheets.pdf import pdf_of, require_pdf
-from circlepose.sheets.shapes import Page
+from circlepose.sheets.shapes import Page, Sheet
 from circlepose.sheets.svg import svg_of
 from circlepose.sheets.words import described, names_words, small_print
 from circlepose.targets.target import Target
@@ -154,7 +154,7 @@ def _form_of(path: Path) -> Form:
     suffix = path.suffix.lower().removeprefix(".")
     if suffix not in FORMS:
         raise UsageError(f"{path}: expected a name that ends in .svg, .pdf or .dxf.")
-    return cast(Form, suffix)
+    return suffix
 
 
 def _as_printed(drawn: Target, options: PrintOptions, remarks: list[str]) -> Target:
@@ -176,6 +176,11 @@ def _as_printed(drawn: Target, options: PrintOptions, remarks: list[str]) -> Tar
             remarks.append(
                 "a turn maps the board on itself, so no image tells which way up it is (flag roll_ambiguous)"
                 + ("" if not options.marks else "; its own marks do not settle it")
+            )
+        else:
+            (mark,) = [new.name for new, old in zip(settled.circles, layout.circles, strict=True) if new != old]
+            remarks.append(
+                f"{mark} is smaller than the others: a mark that settles the roll; --no-marks leaves it out"
             )
         layout = settled
     if layout.grid is None and layout.side == "auto":
@@ -209,10 +214,14 @@ def _about(sheet: Sheet, scale: PrintScale | None, target: Target, copies: int) 
     if sheet.cut:
         shown = ", ".join(sheet.cut[:4]) + (", ..." if len(sheet.cut) > 4 else "")
         remarks.append(
-            f"seams run through {len(sheet.cut)} circles ({shown}), which then are as true as you join the sheets; "
+            f"seams run through {_circles(len(sheet.cut))} ({shown}), no truer than you join the sheets; "
             "a larger paper avoids it"
         )
     return remarks
+
+
+def _circles(number: int) -> str:
+    return "1 circle" if number == 1 else f"{number} circles"
 
 
 def _documents(sheet: Sheet, form: Form, path: Path, title: str) -> dict[Path, bytes]:
@@ -223,7 +232,7 @@ def _documents(sheet: Sheet, form: Form, path: Path, title: str) -> dict[Path, b
     if form == "dxf":
         if len(pages) > 1:
             raise UsageError(
-                f"{path}: a DXF is one drawing, which here takes {len(pages)} sheets of this paper; leave --paper out."
+                f"{path}: a DXF is one drawing, which takes {len(pages)} sheets of this paper; leave --paper out."
             )
         return {path: with_plot_mark(dxf_of(pages[0]))}
     if len(pages) == 1:

@@ -21,6 +21,7 @@ LAYERS = {
     "CODE": "the QR code",
 }
 
+
 def require_dxf() -> None:
     """Raise `UsageError` unless ezdxf is installed."""
     if find_spec("ezdxf") is None:
@@ -35,7 +36,7 @@ def dxf_of(page: Page) -> bytes:
     require_dxf()
     import ezdxf  # noqa: PLC0415 - an extra
 
-    document = ezdxf.new("R2010", units=_MILLIMETERS)
+    document: Any = ezdxf.new("R2010", units=_MILLIMETERS)
     document.header["$INSUNITS"] = _MILLIMETERS
     document.header["$MEASUREMENT"] = 1
     for name, meaning in LAYERS.items():

@@ -69,7 +69,9 @@ def figure_of(target: Target, copies: int | None = None) -> Figure:
     name = target.circle_names[0]
     return _around(
         [
-            Rings(name if number == 1 else f"{name} {i}", pitch * (i % columns), pitch * (i // columns), target.radii_mm)
+            Rings(
+                name if number == 1 else f"{name} {i}", pitch * (i % columns), pitch * (i // columns), target.radii_mm
+            )
             for i in range(number)
         ]
     )
@@ -93,8 +95,8 @@ def _why_not_planar(layout: BoardLayout) -> str:
     if turned.max() > 0.1:
         i = int(turned.argmax())
         return (
-            f"circles: {layout.circles[i].name} faces {turned[i]:.3g} deg away from {first.name}, and a sheet is flat; "
-            "print the circles of each plane by themselves."
+            f"circles: {layout.circles[i].name} faces {turned[i]:.3g} deg away from {first.name}, and a sheet is "
+            "flat; print the circles of each plane by themselves."
         )
     heights = (layout.centers_mm - layout.centers_mm[0]) @ layout.normals[0]
     i = int(np.abs(heights).argmax())

@@ -8,6 +8,8 @@ from circlepose.errors import UsageError
 from circlepose.sheets.letters import text_length, wrapped
 from circlepose.sheets.shapes import Box, Line, Page, Text
 
+Code = tuple[float, tuple[Box, ...]]
+"""The side of a QR code, mm, and its dark parts."""
 EDGE_MM = 8.0
 """Margin of a page that stays empty; laser printers leave 4 to 6 mm."""
 STRIP_MM = 9.0
@@ -36,7 +38,7 @@ class Footer:
     code: tuple[Box, ...]
 
 
-def footer(sentences: tuple[str, ...], code: tuple[float, tuple[Box, ...]] | None, width_mm: float) -> Footer:
+def footer(sentences: tuple[str, ...], code: Code | None, width_mm: float) -> Footer:
     """Return the small print in lines that are no longer than `width_mm`, right of the code or below it."""
     side = 0.0 if code is None else code[0]
     is_beside = code is not None and width_mm - side - _GAP_MM >= _LEAST_WORDS_MM
@@ -47,18 +49,13 @@ def footer(sentences: tuple[str, ...], code: tuple[float, tuple[Box, ...]] | Non
             f"--paper: is too narrow for the QR code, which is {side:g} mm wide; give --no-qr, or a larger paper."
         )
     lines = [line for each in sentences for line in wrapped(each.split(), width_mm - left, SIZE_MM)]
-    longest = max((text_length(line, SIZE_MM) for line in lines), default=0.0)
-    if longest > width_mm - left:
-        raise UsageError(f"--paper: is too narrow for the small print, of which a word is {longest:.0f} mm long.")
-    texts = tuple(
-        Text(left, top + SIZE_MM + i * LEADING_MM, SIZE_MM, line) for i, line in enumerate(lines)
-    )
+    texts = tuple(Text(left, top + SIZE_MM + i * LEADING_MM, SIZE_MM, line) for i, line in enumerate(lines))
     height = max(side, top + len(lines) * LEADING_MM)
     return Footer(height, texts, () if code is None else code[1])
 
 
 def bar_mm(room_mm: float) -> float:
-    """Return the length of a bar that stands beside `room_mm`; 0 where there is no room for one."""
+    """Return the length of a bar that stands beside `room_mm`."""
     return min(BAR_MM * int((room_mm + 1e-9) / BAR_MM), MOST_BAR_MM)
 
 
@@ -73,45 +70,50 @@ def around(window: Box) -> tuple[tuple[Line, ...], tuple[Text, ...]]:
         for a, b, c, d, w in _bar(across)
         for a, b, c, d in [(window.x_mm + a, y + b, window.x_mm + c, y + d)]
     ]
-    texts.append(Text(window.x_mm + 1.0, y + _END_MM / 2.0 + 2.9, SIZE_MM, f"x: {across:g} mm between the end lines"))
+    label = _label("x", across, window.width_mm)
+    texts.append(Text(window.x_mm + 1.0, y + _END_MM / 2.0 + SIZE_MM, SIZE_MM, label))
     x = window.x_mm - STRIP_MM + 6.0
     bottom = window.bottom_mm
     lines += [
-        Line(a, b, c, d, w)
-        for a, b, c, d, w in _bar(down)
-        for a, b, c, d in [(x + b, bottom - a, x + d, bottom - c)]
+        Line(a, b, c, d, w) for a, b, c, d, w in _bar(down) for a, b, c, d in [(x + b, bottom - a, x + d, bottom - c)]
     ]
-    label = f"y: {down:g} mm between the end lines"
-    if text_length(label, SIZE_MM) > window.height_mm:
-        label = f"y: {down:g} mm"
+    label = _label("y", down, window.height_mm)
     texts.append(Text(x - _END_MM / 2.0 - 1.0, bottom - 1.0, SIZE_MM, label, is_upright=True))
     return tuple(lines), tuple(texts)
 
 
+def _label(axis: str, length_mm: float, room_mm: float) -> str:
+    long = f"{axis}: {length_mm:g} mm between the end lines"
+    return long if text_length(long, SIZE_MM) < room_mm else f"{axis}: {length_mm:g} mm"
+
+
 def _bar(length_mm: float) -> list[tuple[float, float, float, float, float]]:
     """Return the lines of a bar along x from 0, as x, y, x, y and width; ticks each 10 mm."""
-    if length_mm == 0.0:
-        return []
     ends = [(each, -_END_MM / 2.0, each, _END_MM / 2.0, _HAIR_MM) for each in (0.0, length_mm)]
-    ticks = [
-        (BAR_MM * i, -_TICK_MM, BAR_MM * i, 0.0, _HAIR_MM) for i in range(1, round(length_mm / BAR_MM))
-    ]
+    ticks = [(BAR_MM * i, -_TICK_MM, BAR_MM * i, 0.0, _HAIR_MM) for i in range(1, round(length_mm / BAR_MM))]
     return [(0.0, 0.0, length_mm, 0.0, _LINE_MM), *ends, *ticks]
 
 
 def furnished(page: Page, below: Footer) -> Page:
-    """Return `page` with bars, small print and code around its window."""
-    lines, texts = around(page.window)
-    left, top = EDGE_MM, page.window.bottom_mm + STRIP_MM + _GAP_MM
+    """Return `page` with bars, small print and code around the room that it leaves for circles."""
+    room = Box(EDGE_MM + STRIP_MM, EDGE_MM, *window_mm((page.width_mm, page.height_mm), below))
+    lines, texts = around(room)
+    left, top = EDGE_MM, room.bottom_mm + STRIP_MM + _GAP_MM
     words = tuple(replace(each, x_mm=each.x_mm + left, y_mm=each.y_mm + top) for each in below.texts)
     code = tuple(replace(each, x_mm=each.x_mm + left, y_mm=each.y_mm + top) for each in below.code)
     return replace(page, lines=(*page.lines, *lines), texts=(*page.texts, *texts, *words), code=code)
 
 
 def window_mm(paper_mm: tuple[float, float], below: Footer) -> tuple[float, float]:
-    """Return width and height that a page leaves for the circles."""
+    """Return width and height that a page leaves for the circles; raises `UsageError` where a bar has no room."""
     width, height = paper_mm
-    return width - 2.0 * EDGE_MM - STRIP_MM, height - 2.0 * EDGE_MM - STRIP_MM - _GAP_MM - below.height_mm
+    room = width - 2.0 * EDGE_MM - STRIP_MM, height - 2.0 * EDGE_MM - STRIP_MM - _GAP_MM - below.height_mm
+    if min(room) < BAR_MM:
+        raise UsageError(
+            f"--paper: {width:g} x {height:g} mm is too small: margins, bars and small print leave no {BAR_MM:g} mm "
+            "for circles; give a larger paper."
+        )
+    return room
 
 
 def page_mm(window: tuple[float, float], below: Footer) -> tuple[float, float]:

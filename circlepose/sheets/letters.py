@@ -106,8 +106,8 @@ _STROKES = {
     "~": "04 15 24 35",
     " ": "",
 }
-"""Strokes of each letter through points on a grid: x from 0, y from 0 at the feet of a g, 2 on the base line, 6 on top of
-an x and 8 on top of an X. A dot is a triangle: others are round to a camera."""
+"""Strokes of each letter through points on a grid: x from 0; y from 0 at the foot of a g, 2 on the base line, 6 on
+top of an x and 8 on top of an X. A dot is a triangle: others are round to a camera."""
 _BASE = 2
 _CAPITAL = 6
 """Height of a capital on the grid."""
@@ -134,7 +134,7 @@ def strokes_of(letters: str, size_mm: float) -> list[list[Point]]:
     at = 0.0
     for letter in letters:
         for stroke in filter(None, _STROKES[letter].split("/")):
-            strokes.append([(unit * (at + int(x)), unit * (_BASE - int(y))) for x, y in stroke.split()])
+            strokes.append([(unit * (at + int(x)), unit * (_BASE - int(y))) for x, y in map(tuple, stroke.split())])
         at += _WIDTH[letter] + _BETWEEN
     return strokes
 
@@ -145,12 +145,17 @@ def plain_letters(text: str) -> str:
 
 
 def wrapped(words: Iterable[str], length_mm: float, size_mm: float) -> list[str]:
-    """Return `words` as lines that are no longer than `length_mm`, but for a single word that is."""
+    """Return `words` as lines that are no longer than `length_mm`; a longer word is broken."""
     lines: list[str] = []
     for word in words:
         longer = f"{lines[-1]} {word}" if lines else word
         if lines and text_length(longer, size_mm) <= length_mm:
             lines[-1] = longer
-        else:
-            lines.append(word)
+            continue
+        rest = word
+        while text_length(rest, size_mm) > length_mm and len(rest) > 1:
+            fits = next((n for n in range(len(rest) - 1, 0, -1) if text_length(rest[:n], size_mm) <= length_mm), 1)
+            lines.append(rest[:fits])
+            rest = rest[fits:]
+        lines.append(rest)
     return lines

@@ -10,7 +10,7 @@ from circlepose.boards.symmetry import symmetries
 from circlepose.targets.board import BoardLayout
 
 MARK_RATIO = 0.75
-"""Radius of a mark over that of its neighbors. Small enough that its size is clear at an error of 7 % of the sizes seen
+"""Radius of a mark over that of its neighbors. Small enough that its size is clear even if the sizes seen err by 7 %
 (placement asks for log odds of 6.9), large enough that it is measured with its neighbors (a ratio of up to 1.5)."""
 
 

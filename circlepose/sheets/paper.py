@@ -31,7 +31,5 @@ def paper_mm(text: str) -> tuple[float, float]:
     width, height = (float(own[1]), float(own[2])) if own else (math.nan, math.nan)
     if not (width > 0.0 and height > 0.0):
         names = ", ".join(name.upper() if name[0] == "a" else name for name in PAPERS)
-        raise UsageError(
-            f"--paper: expected {names}, or WIDTHxHEIGHT in mm such as 210x297, got {text!r}."
-        )
+        raise UsageError(f"--paper: expected {names}, or WIDTHxHEIGHT in mm such as 210x297, got {text!r}.")
     return width, height

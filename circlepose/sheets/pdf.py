@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from importlib.util import find_spec
 from typing import Any
 
+from circlepose._version import __version__
 from circlepose.errors import UsageError
 from circlepose.sheets.shapes import Box, Page, Rings
-from circlepose._version import __version__
 
 CIRCLE_ERROR_MM = 1e-5
 """Largest distance of the curves from the circle that they stand for."""
@@ -27,7 +27,7 @@ def require_pdf() -> None:
 
 
 def arc_error(radius: float, arcs: int) -> float:
-    """Return how far a circle's cubic curves are from it, at most: radius 2/27 sin^6 / cos^2 of a quarter of an arc."""
+    """Return how far a circle's cubic curves are from it, at most: 2/27 sin^6 / cos^2 of a quarter arc, in radii."""
     quarter = math.pi / (2.0 * arcs)
     return radius * 2.0 / 27.0 * math.sin(quarter) ** 6 / math.cos(quarter) ** 2
 

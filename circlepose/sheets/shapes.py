@@ -6,9 +6,10 @@ from dataclasses import dataclass, replace
 
 from circlepose.sheets.letters import STROKE, Point, strokes_of
 
+
 @dataclass(frozen=True, slots=True)
 class Rings:
-    """Concentric circles: the largest is filled with ink, or with paper on a ground of ink, the next the other way."""
+    """Concentric circles: the largest is filled with ink, or with paper on a ground of ink, the next by turns."""
 
     name: str
     x_mm: float
@@ -32,12 +33,12 @@ class Box:
 
     @property
     def right_mm(self) -> float:
-        """x of the right side."""
+        """X of the right side."""
         return self.x_mm + self.width_mm
 
     @property
     def bottom_mm(self) -> float:
-        """y of the lower side."""
+        """Y of the lower side."""
         return self.y_mm + self.height_mm
 
 
@@ -104,3 +105,13 @@ class Page:
         """Width and height as drawn."""
         return self.width_mm * self.scale[0], self.height_mm * self.scale[1]
 
+
+@dataclass(frozen=True, slots=True)
+class Sheet:
+    """The pages of a target."""
+
+    pages: tuple[Page, ...]
+    """from the top left, row by row"""
+    columns: int = 1
+    cut: tuple[str, ...] = ()
+    """names of the circles through which a seam runs"""

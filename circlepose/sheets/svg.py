@@ -72,12 +72,8 @@ def _line(line: Line) -> str:
 
 
 def _text(text: Text) -> str:
-    steps = "".join(
-        "M" + " ".join(f"{_number(x)} {_number(y)}" for x, y in stroke) for stroke in text.strokes
-    )
-    return (
-        f'<path stroke-width="{_number(text.width_mm)}" d="{steps}"><title>{escape(text.letters)}</title></path>'
-    )
+    steps = "".join("M" + " ".join(f"{_number(x)} {_number(y)}" for x, y in stroke) for stroke in text.strokes)
+    return f'<path stroke-width="{_number(text.width_mm)}" d="{steps}"><title>{escape(text.letters)}</title></path>'
 
 
 def _number(value: float) -> str:

@@ -20,13 +20,15 @@ def described(target: Target, copies: int) -> str:
         noun = "disc" if target.kind == "circle" else "ring"
         several = f"{copies} {noun}s" if copies > 1 else noun
         return f"{several} of {'radius' if len(target.radii_mm) == 1 else 'radii'} {radii} mm"
-    grid, radii = layout.grid, layout.radius_mm
+    grid, sizes = layout.grid, layout.radius_mm
     if grid is None:
-        low, high = radii.min(), radii.max()
-        sizes = f"radius {low:g} mm" if low == high else f"radii from {low:g} to {high:g} mm"
-        return f"board of {len(layout)} circles of {sizes}"
+        low, high = sizes.min(), sizes.max()
+        words = f"radius {low:g} mm" if low == high else f"radii from {low:g} to {high:g} mm"
+        return f"board of {len(layout)} circles of {words}"
     radius = f"radius {layout.usual_radius_mm:g} mm"
-    return f"board of {grid.rows} x {grid.columns} circles of {radius}, {grid.pattern}, spacing {grid.spacing_mm:g} mm"
+    return (
+        f"board of {grid.rows} x {grid.columns} circles of {radius}, {grid.pattern}, spacing {grid.spacing_mm:g} mm"
+    )
 
 
 def small_print(
@@ -81,7 +83,8 @@ def names_words(target: Target, unmarked: BoardLayout | None) -> list[str]:
     layout = target.layout
     if layout is None:
         names = ", ".join(
-            f"{name} of radius {radius:g} mm" for name, radius in zip(target.circle_names, target.radii_mm, strict=True)
+            f"{name} of radius {radius:g} mm"
+            for name, radius in zip(target.circle_names, target.radii_mm, strict=True)
         )
         return [f"Circles: {names}."]
     lines = [f"Circles: {layout.names[0]} to {layout.names[-1]}."]

@@ -311,9 +311,7 @@ class CheckRequest:
 class PrintRequest:
     """Options of `circlepose print`."""
 
-    target: Annotated[
-        Path, typer.Argument(metavar="TARGET.yaml", help="Target file to print.", show_default=False)
-    ]
+    target: Annotated[Path, typer.Argument(metavar="TARGET.yaml", help="Target file to print.", show_default=False)]
     output: Annotated[
         Path,
         typer.Option(
