@@ -19,6 +19,7 @@ LAYERS = {
     "BARS": "lines to measure and to trim",
     "TEXT": "small print and names",
     "CODE": "the QR code",
+    "PAGE": "the border of the paper",
 }
 
 
@@ -46,6 +47,7 @@ def dxf_of(page: Page) -> bytes:
     drawing.lines()
     drawing.texts()
     drawing.boxes()
+    drawing.border()
     stream = io.StringIO()
     document.write(stream)
     return stream.getvalue().encode(document.output_encoding, errors="replace")
@@ -90,6 +92,10 @@ class _Drawing:
         for box in self._page.code:
             a, b, c, d = self._corners(box)
             self._space.add_solid([a, b, d, c], dxfattribs={"layer": "CODE", "color": _INK})
+
+    def border(self) -> None:
+        page = Box(0.0, 0.0, self._page.width_mm, self._page.height_mm)
+        self._space.add_lwpolyline(self._corners(page), close=True, dxfattribs={"layer": "PAGE"})
 
     @property
     def _is_even(self) -> bool:
