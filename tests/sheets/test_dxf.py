@@ -32,7 +32,7 @@ def test_circles_are_circles_in_their_places(dark):
     target = Target.board(grid("symmetric", 3, 4, 30.0, 8.0, marks={(0, 1): (8.0, 4.0)}))
     (page,) = lay_out(figure_of(target), ("a.",), is_dark_on_light=dark).pages
     circles = read(page).modelspace().query("CIRCLE")
-    found = [(*entity.dxf.center[:2], entity.dxf.radius) for entity in circles]
+    found = [(entity.dxf.center.x, entity.dxf.center.y, entity.dxf.radius) for entity in circles]
     true = [(each.x_mm, page.height_mm - each.y_mm, radius) for each in page.rings for radius in each.radii_mm]
     assert len(found) == len(true) == 13
     for one, other in zip(found, true, strict=True):
