@@ -14,7 +14,7 @@ from circlepose.errors import TargetError
 from circlepose.io.text.validation import Strict, parse
 from circlepose.targets.board import BoardLayout
 
-EXPECTED = "measured length / stated length of the bars, one number such as 1.002, or {x: 1.002, y: 0.998}"
+EXPECTED = "measured length / stated length of the bars, one number such as 1.002, or {x: 1.0021, y: 1.0015}"
 LIMITS = (0.5, 2.0)
 MOST_DIFFERENCE = 1e-3
 """Largest relative difference of the scales in x and y. The discs are ellipses then, whose axes differ by as much;

@@ -23,6 +23,7 @@ from circlepose.sheets.code import MOST_BYTES, code_of, has_segno
 from circlepose.sheets.dxf import dxf_of, require_dxf
 from circlepose.sheets.figure import figure_of
 from circlepose.sheets.furniture import Code
+from circlepose.sheets.letters import plain_letters
 from circlepose.sheets.marking import is_roll_ambiguous, with_roll_settled
 from circlepose.sheets.pages import lay_out
 from circlepose.sheets.pdf import pdf_of, require_pdf
@@ -122,7 +123,8 @@ def print_target(
         scale=factors,
     )
     remarks += _about(sheet, scale, target, copies)
-    documents = _documents(sheet, form, path, f"{name}: {described(target, copies)}, circlepose {__version__}")
+    title = plain_letters(f"{name}: {described(target, copies)}, circlepose {__version__}")
+    documents = _documents(sheet, form, path, title)
     _check_places([*documents, target_file], Path(target_path), target_file, options)
     for place, content in documents.items():
         with atomic_writer(place, binary=True, overwrite=options.overwrite) as handle:

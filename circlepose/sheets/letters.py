@@ -50,9 +50,9 @@ _STROKES = {
     "L": "08 02 32",
     "M": "02 08 25 48 42",
     "N": "02 08 32 38",
-    "O": "02 08 38 32 02",
+    "O": "02 08 48 42 02",
     "P": "02 08 38 35 05",
-    "Q": "02 08 38 32 02/24 31",
+    "Q": "02 08 48 42 02/24 41",
     "R": "02 08 38 35 05/15 32",
     "S": "38 08 05 35 32 02",
     "T": "08 48/28 22",
@@ -62,7 +62,7 @@ _STROKES = {
     "X": "08 32/02 38",
     "Y": "08 25 48/25 22",
     "Z": "08 38 02 32",
-    "0": "02 08 38 32 02 38",
+    "0": "02 08 38 32 02",
     "1": "07 18 12/02 22",
     "2": "08 38 35 05 02 32",
     "3": "08 38 32 02/05 35",
@@ -122,20 +122,27 @@ _WIDTH = {
 }
 
 
+def _width(letter: str) -> float:
+    return _WIDTH.get(letter, _WIDTH["?"])
+
+
 def text_length(letters: str, size_mm: float) -> float:
     """Return the length in mm of a line of letters whose capitals are `size_mm` high."""
-    return size_mm / _CAPITAL * (sum(_WIDTH[letter] + _BETWEEN for letter in letters) - _BETWEEN) if letters else 0.0
+    return size_mm / _CAPITAL * (sum(_width(letter) + _BETWEEN for letter in letters) - _BETWEEN) if letters else 0.0
 
 
 def strokes_of(letters: str, size_mm: float) -> list[list[Point]]:
-    """Return the strokes of a line, each through points in mm: x to the right, y down from where the line begins."""
+    """Return the strokes of a line, each through points in mm: x to the right, y down from where the line begins.
+
+    What has no strokes is a question mark.
+    """
     unit = size_mm / _CAPITAL
     strokes = []
     at = 0.0
     for letter in letters:
-        for stroke in filter(None, _STROKES[letter].split("/")):
+        for stroke in filter(None, _STROKES.get(letter, _STROKES["?"]).split("/")):
             strokes.append([(unit * (at + int(x)), unit * (_BASE - int(y))) for x, y in map(tuple, stroke.split())])
-        at += _WIDTH[letter] + _BETWEEN
+        at += _width(letter) + _BETWEEN
     return strokes
 
 

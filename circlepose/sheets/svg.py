@@ -18,7 +18,7 @@ def svg_of(page: Page, title: str) -> bytes:
         '<?xml version="1.0" encoding="UTF-8"?>',
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}mm" height="{height}mm" '
         f'viewBox="0 0 {width} {height}">',
-        f"<title>{escape(title)}</title>",
+        f"<title>{_shown(title)}</title>",
         f'<rect width="{width}" height="{height}" fill="{_PAPER}"/>',
         *([f'<g transform="scale({page.scale[0]:.9g} {page.scale[1]:.9g})">'] if scaled else []),
         f'<clipPath id="window">{_rectangle(page.window)}</clipPath>',
@@ -42,7 +42,7 @@ def _circles(rings: Rings, is_ink: bool) -> Iterator[str]:
         fill = _INK if is_ink != bool(i % 2) else _PAPER
         yield (
             f'<circle cx="{_number(rings.x_mm)}" cy="{_number(rings.y_mm)}" r="{_number(radius)}" fill="{fill}">'
-            f"<title>{escape(rings.name)}</title></circle>"
+            f"<title>{_shown(rings.name)}</title></circle>"
         )
 
 
@@ -73,7 +73,12 @@ def _line(line: Line) -> str:
 
 def _text(text: Text) -> str:
     steps = "".join("M" + " ".join(f"{_number(x)} {_number(y)}" for x, y in stroke) for stroke in text.strokes)
-    return f'<path stroke-width="{_number(text.width_mm)}" d="{steps}"><title>{escape(text.letters)}</title></path>'
+    return f'<path stroke-width="{_number(text.width_mm)}" d="{steps}"><title>{_shown(text.letters)}</title></path>'
+
+
+def _shown(text: str) -> str:
+    """Return a text as XML allows it."""
+    return escape("".join(letter if letter.isprintable() else "?" for letter in text))
 
 
 def _number(value: float) -> str:

@@ -56,7 +56,7 @@ def small_print(
         f"{name}: {described(target, copies)}, {ink}.",
         "Print at 100 % (actual size, no fitting to the page), then measure both bars with a ruler.",
         f"Where they are not as long as stated, write measured / stated into {target_file}, such as "
-        "print_scale: {x: 1.002, y: 0.998}.",
+        "print_scale: {x: 1.0021, y: 1.0015}.",
     ]
     if target.layout is not None and (frame := frame_words(target.layout)):
         sentences.append(frame)

@@ -1,7 +1,8 @@
-"""The pictures of the pages: rendered scenes, measured, with the program's own overlay."""
+"""The pictures of the pages: rendered scenes, measured, with the program's own overlay; and a printed sheet."""
 
 from __future__ import annotations
 
+import tempfile
 from dataclasses import replace
 from importlib.resources import as_file, files
 from pathlib import Path
@@ -11,6 +12,7 @@ import cv2
 import circlepose
 from circlepose._typing import Image
 from circlepose.io.scenes.reader import read_scenes
+from circlepose.io.sheet_files import PrintOptions, print_target
 from circlepose.synthesis.render import render
 from sitegen.paths import DOCS
 
@@ -42,7 +44,22 @@ def write_pictures(folder: Path) -> list[Path]:
             written.append(write_png(folder / "photograph.png", image))
     with as_file(files("circlepose.io.scenes") / "demo.yaml") as scenes:
         _, overlay = measured(scenes, same_plane=True)
-    return [*written, write_png(folder / "demo.png", overlay)]
+    return [*written, write_png(folder / "demo.png", overlay), write_png(folder / "sheet.png", printed_sheet())]
+
+
+def printed_sheet() -> Image:
+    """Return a board as it is printed on A4, with the border of the paper."""
+    import pypdfium2  # noqa: PLC0415 - of the extra test-print, and for this picture alone
+
+    with tempfile.TemporaryDirectory() as name:
+        target, sheet = Path(name) / "board.yaml", Path(name) / "sheet.pdf"
+        target.write_text("radius_mm: 8\ngrid: {pattern: symmetric, rows: 8, columns: 6, spacing_mm: 29}\n")
+        print_target(target, sheet, PrintOptions(paper_mm=(210.0, 297.0)))
+        document = pypdfium2.PdfDocument(sheet.read_bytes())
+        large = document[0].render(scale=4.0 * WIDTH_PX / 595.0, grayscale=True).to_numpy().squeeze()
+        page = cv2.resize(large, None, fx=0.25, fy=0.25, interpolation=cv2.INTER_AREA)
+        document.close()
+    return cv2.copyMakeBorder(page, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=128)
 
 
 def write_png(path: Path, image: Image) -> Path:

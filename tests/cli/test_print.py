@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from xml.etree import ElementTree
 
 import cv2
 import numpy as np
@@ -324,3 +325,15 @@ def test_the_target_beside_a_sheet_has_its_side_and_its_circles(run, tmp_path, t
 def test_quiet_says_nothing(run, tmp_path, target):
     _, _, err = run("print", target(BOARD), "-o", tmp_path / "sheet.svg", "-q")
     assert err == ""
+
+
+@pytest.mark.parametrize("form", ["svg", "pdf", "dxf"])
+def test_odd_names_do_no_harm(run, tmp_path, target, form):
+    pytest.importorskip("reportlab")
+    pytest.importorskip("ezdxf")
+    text = LIST.replace("name: a", 'name: "\\a <&> ö"')
+    code_, _, err = run("print", target(text, "größe\udce4 <b>&.yaml"), "-o", tmp_path / f"sheet.{form}")
+    assert code_ == 0, err
+    assert read_target(tmp_path / "sheet.yaml").layout.names[0] == "\a <&> ö"
+    if form == "svg":
+        ElementTree.parse(tmp_path / "sheet.svg")

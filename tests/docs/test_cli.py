@@ -137,3 +137,17 @@ def test_render_makes_what_estimate_measures(capsys, tmp_path):
     assert written == ["small.png", "camera.yml", "target.yaml", "truth.csv"]
     assert main(["estimate", str(tmp_path / "out")]) == 0
     assert "small.png,0,disc" in capsys.readouterr().out
+
+
+def test_the_sample_of_print_is_what_is_printed_and_written(manual, capsys, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    block = re.search(r"^```console\n(\$ cat plate\.yaml\n.*?)^```$", manual, re.DOTALL | re.MULTILINE)[1]
+    (_, target), (command, printed), (_, written) = (
+        each.split("\n", 1) for each in re.split(r"^\$ ", block, flags=re.MULTILINE)[1:]
+    )
+    Path("plate.yaml").write_text(target)
+    assert main(command.split()[1:]) == 0
+    captured = capsys.readouterr()
+    said = [line for line in captured.err.splitlines(keepends=True) if not line.startswith("no QR code: it needs")]
+    assert captured.out + "".join(said) == printed
+    assert Path("sheet.yaml").read_text() == written
