@@ -168,7 +168,7 @@ def _as_printed(drawn: Target, options: PrintOptions, remarks: list[str]) -> Tar
     if options.copies is not None and target.layout is None:
         target = replace(target, count=options.copies)
     elif options.copies is not None:
-        raise UsageError("--count: is of discs and rings; a sheet has one board, print it as often as needed.")
+        raise UsageError("--copies: is of discs and rings; a sheet has one board, print it as often as needed.")
     layout = target.layout
     if layout is None:
         return target
@@ -207,7 +207,7 @@ def _about(sheet: Sheet, scale: PrintScale | None, target: Target, copies: int) 
     """Return what a person should know of a sheet."""
     remarks = []
     if target.count is None and target.layout is None:
-        remarks.append(f"count: all says no number, so the sheet has {copies}; --count N draws more")
+        remarks.append(f"count: all says no number, so the sheet has {copies}; --copies N draws more")
     if scale is not None:
         remarks.append(
             f"print_scale: drawn {1.0 / scale.x:.6g} in x and {1.0 / scale.y:.6g} in y times as long, so that the "

@@ -63,7 +63,9 @@ def figure_of(target: Target, copies: int | None = None) -> Figure:
         )
     number = copies if copies is not None else (target.count or 1)
     if number > MOST_COPIES:
-        raise TargetError(f"count: a sheet has at most {MOST_COPIES} targets, got {number}; give a smaller --count.")
+        raise TargetError(
+            f"count: a sheet has at most {MOST_COPIES} targets, got {number}; give a smaller number of --copies."
+        )
     columns = math.ceil(math.sqrt(number))
     pitch = max(_PITCH_RADII * target.radii_mm[0], 2.0 * (target.radii_mm[0] + _LEAST_CLEAR_MM))
     name = target.circle_names[0]

@@ -161,8 +161,8 @@ def test_polarity_is_that_of_the_sheet(run, tmp_path, target, polarity, option, 
     assert fill == ("#000" if written == "dark" else "#fff")
 
 
-def test_count_draws_several(run, tmp_path, target):
-    run("print", target(f"{DISC}count: all\n"), "-o", tmp_path / "a.svg", "--count", 4)
+def test_copies_draws_several(run, tmp_path, target):
+    run("print", target(f"{DISC}count: all\n"), "-o", tmp_path / "a.svg", "--copies", 4)
     assert len(circles_of(tmp_path / "a.svg")) == 4
     assert read_target(tmp_path / "a.yaml").count == 4
     _, _, err = run("print", target(f"{DISC}count: all\n"), "-o", tmp_path / "b.svg")
@@ -238,7 +238,7 @@ def test_a_missing_package_is_named(run, tmp_path, target, monkeypatch, module, 
             ["-o", "a.svg"],
             "overlap: their centers are 30 mm apart, their radii 16 and 16 mm",
         ),
-        (BOARD, ["-o", "a.svg", "--count", "2"], "--count: is of discs and rings"),
+        (BOARD, ["-o", "a.svg", "--copies", "2"], "--copies: is of discs and rings"),
         ("kind: coaxial\nradii_mm: [45, 30]\n", ["-o", "a.svg"], "a sheet is flat; print kind: coplanar"),
         (LIST + "- {name: pin, x_mm: 50, y_mm: 40, z_mm: 9, radius_mm: 5}\n", ["-o", "a.svg"], "pin lies 9 mm off"),
     ],

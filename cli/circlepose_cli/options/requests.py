@@ -341,10 +341,10 @@ class PrintRequest:
             rich_help_panel=Group.TARGET,
         ),
     ] = None
-    count: Annotated[
+    copies: Annotated[
         int | None,
         typer.Option(
-            "--count",
+            "--copies",
             metavar="N",
             min=1,
             help="Discs or rings on the sheet. Default: the target's count.",

@@ -16,7 +16,7 @@ def run(request: PrintRequest) -> int:
     options = PrintOptions(
         None if request.paper is None else paper_mm(request.paper),
         request.is_dark_on_light,
-        request.count,
+        request.copies,
         marks=request.marks,
         code=request.code,
         overwrite=request.overwrite,
