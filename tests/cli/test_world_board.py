@@ -71,6 +71,17 @@ def test_poses_are_in_the_frame_of_a_board_by_its_name_or_its_file(run, scenes):
     assert float(rows(out)[0]["sigma_z_mm"]) < 0.5 * float(plain[0]["sigma_z_mm"])
 
 
+def test_the_scene_of_a_board_has_a_disc_beside_it(run, tmp_path, project_root):
+    assert run("render", project_root / "configs" / "scenes" / "board.yaml", "-o", tmp_path)[0] == 0
+    code, out, err = run("estimate", tmp_path, "--radius-mm", "15", "--facing", "up", "--world-board", "target")
+    assert code == 0, err
+    chosen = [row for row in rows(out) if row["chosen"] == "true"]
+    assert [row["image"] for row in chosen] == ["a.png", "b.png"]
+    for row in chosen:
+        assert np.linalg.norm(center_of(row) - [200.0, 60.0, 0.0]) < 0.15
+        assert float(row["normal_z"]) < -0.99999
+
+
 def test_an_image_without_the_board_has_no_poses_and_says_why(run, scenes):
     code, out, err = run("estimate", scenes, "--world-board", "table")
     assert code == 3

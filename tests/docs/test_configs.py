@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import cv2
@@ -7,7 +8,10 @@ import numpy as np
 import pytest
 
 from circlepose.io.calibration.reader import read_camera, read_camera_file
+from circlepose.io.scenes.reader import read_scenes
 from circlepose.io.target_file import read_target, target_from_mapping
+from circlepose.targets import KINDS
+from circlepose.targets.board import PATTERNS
 from tests.support.paths import ROOT
 
 CONFIGS = ROOT / "configs"
@@ -25,7 +29,7 @@ FORMS = {
 
 def test_both_kinds_are_there() -> None:
     assert len(CAMERAS) == 7
-    assert len(TARGETS) == 6
+    assert len(TARGETS) == 7
 
 
 @pytest.mark.parametrize("path", CAMERAS, ids=str)
@@ -43,6 +47,42 @@ def test_cameras_are_read_without_doubts(path: Path) -> None:
 def test_targets_are_read(path: Path) -> None:
     target = read_target(CONFIGS / path)
     assert target.kind == (path.stem.removeprefix("target_") if path.stem != "target" else "circle")
+
+
+def test_every_kind_has_a_template() -> None:
+    texts = {path.stem: path.read_text(encoding="utf-8") for path in (CONFIGS / "targets").iterdir()}
+    assert set(texts) == set(KINDS)
+    (kinds,) = re.findall(r"^kind: circle # (.*)$", texts["circle"], re.MULTILINE)
+    assert all(kind in kinds for kind in KINDS)
+
+
+def test_the_forms_of_a_board_in_comments_are_read(tmp_path: Path) -> None:
+    text = (CONFIGS / "targets" / "board.yaml").read_text(encoding="utf-8")
+    others = re.findall(r"^# ((grid|marks|omit): .*)$", text, re.MULTILINE)
+    assert {key for _, key in others} == {"grid", "marks", "omit"}
+    patterns = set()
+    for line, key in others:
+        layout = read_target(re.sub(rf"^{key}: .*$", "", text, flags=re.MULTILINE).encode() + line.encode()).layout
+        assert layout is not None
+        assert layout.grid is not None
+        patterns.add(layout.grid.pattern)
+    assert patterns == set(PATTERNS)
+
+    plain = re.sub(r"^(grid|marks): .*$", "", text, flags=re.MULTILINE)
+    (tmp_path / "holes.csv").write_text("x_mm,y_mm\n0,0\n60,0\n0,40\n", encoding="utf-8")
+    for block in re.findall(r"^# circles:.*\n(?:#   - .*\n)*", text, re.MULTILINE):
+        for side in re.findall(r"^# (side: .*)$", text, re.MULTILINE) if "- " not in block else ("",):
+            (tmp_path / "board.yaml").write_text(plain + block.replace("# ", "") + side, encoding="utf-8")
+            layout = read_target(tmp_path / "board.yaml").layout
+            assert layout is not None
+            assert len(layout) == 3
+
+
+def test_a_scene_of_a_board_is_read() -> None:
+    read = read_scenes(CONFIGS / "scenes" / "board.yaml")
+    assert read.target is not None
+    assert read.target.kind == "board"
+    assert len(read.scenes) == 2
 
 
 def test_the_templates_of_one_lens_agree() -> None:
