@@ -104,9 +104,12 @@ def place(
                 f"the marks are not where the layout has them: {name}, for one, is of another size, or a ring that "
                 "should be none"
             )
-        return (
-            f"{number} circles fit the layout in more than one place; more of its circles are needed in the image, "
-            "or a mark"
+        has_marks = len(np.unique(layout.radius_mm)) > 1 or len(np.unique(layout.is_ring)) > 1
+        return f"{number} circles fit the layout in more than one place; " + (
+            "its marks were not seen, or not distinguished from its other circles; more of the board is needed in "
+            "the image"
+            if has_marks
+            else "more of its circles are needed in the image, or a mark"
         )
     between = _number_between(patch, ellipse, options)
     if between > max(options.most_foreign, options.between_share * number):

@@ -82,7 +82,16 @@ def test_a_hidden_row_leaves_two_places_and_is_refused():
     every = ellipses(layout, posed(layout, distance_mm=800.0))
     found = placed(every[np.arange(7, 35)], layout)
     assert isinstance(found, str)
-    assert "more than one place" in found
+    assert "more than one place; more of its circles are needed in the image, or a mark" in found
+
+
+@pytest.mark.parametrize("radii", [(4.5,), (9.0, 4.5)])
+def test_marks_that_are_not_seen_are_asked_for_not_a_new_one(radii):
+    layout = grid("symmetric", 5, 7, 30.0, 9.0, marks={(0, 3): radii})
+    found = placed(ellipses(layout, posed(layout, distance_mm=800.0))[np.arange(7, 35)], layout)
+    assert isinstance(found, str)
+    assert "more than one place; its marks were not seen, or not distinguished from its other circles;" in found
+    assert "or a mark" not in found
 
 
 def test_a_row_that_is_not_seen_may_be_beyond_the_border_or_hidden_and_a_mark_says_which():
