@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
@@ -16,15 +13,15 @@ from pydantic import Field
 
 from circlepose._arguments import shown
 from circlepose.errors import TargetError
+from circlepose.io.circle_list import read_circle_list
 from circlepose.io.print_scale import PrintScale, printed_layout
 from circlepose.io.text.source import read_source
-from circlepose.io.text.validation import Strict, brief, parse
+from circlepose.io.text.validation import Strict, parse
 from circlepose.targets.board import PATTERNS, BoardCircle, BoardLayout, Grid, Pattern, Place
 
 _AT = Annotated[list[int], Field(min_length=2, max_length=2)]
 _TRIPLE = Annotated[list[float], Field(min_length=3, max_length=3)]
 _RADII = "a list of radii in mm, the largest first, such as [35, 20]"
-_COLUMNS = ("name", "x_mm", "y_mm", "z_mm", "radius_mm", "nx", "ny", "nz")
 _LEAST_NORMAL = 1e-6
 
 
@@ -99,8 +96,8 @@ def layout_of(
     else:
         if marks or omit:
             raise TargetError("marks, omit: go with a grid; a list has each circle as it is.")
-        forms = _read_circles(folder / circles) if isinstance(circles, str) else circles
-        assert forms is not None
+        assert circles is not None
+        forms = _read_forms(folder / circles) if isinstance(circles, str) else circles
         layout = BoardLayout(tuple(_circle(each, i, radius_mm) for i, each in enumerate(forms)), side=side)
     if scale is None:
         return layout if shape_file is None else shaped(layout, folder / shape_file)
@@ -211,34 +208,5 @@ def _radii_of(form: MarkForm | CircleForm, usual_mm: float | None, key: str) -> 
     return lengths
 
 
-def _read_circles(path: Path) -> list[CircleForm]:
-    """Read a CSV with the columns name, x_mm, y_mm, z_mm, radius_mm and, optionally, nx, ny, nz."""
-    text, name = read_source(path, TargetError)
-    rows = csv.DictReader(io.StringIO(text))
-    names = [each.strip() for each in rows.fieldnames or []]
-    unknown = [each for each in names if each not in _COLUMNS]
-    missing = [each for each in ("x_mm", "y_mm") if each not in names]
-    if unknown or missing:
-        what = f"column {unknown[0]!r} is not known" if unknown else f"the column {missing[0]} is missing"
-        raise TargetError(f"circles: {name}: {what}; the columns are {', '.join(_COLUMNS)}.")
-    return [_form_of_row(row, f"circles: {name}: line {i}") for i, row in enumerate(rows, 2)]
-
-
-def _form_of_row(row: Mapping[str, str | None], where: str) -> CircleForm:
-    entries: dict[str, object] = {}
-    for key, text in row.items():
-        value = (text or "").strip()
-        if key == "name" and value:
-            entries[key] = value
-        elif value:
-            try:
-                number = float(value)
-            except ValueError:
-                raise TargetError(f"{where}: {key}: expected a number, got {shown(value)}.") from None
-            if not math.isfinite(number):
-                raise TargetError(f"{where}: {key}: expected a number; {brief(value)} is not a finite number.")
-            entries[key.strip()] = number
-    normal = [entries.pop(key, None) for key in ("nx", "ny", "nz")]
-    if any(each is not None for each in normal):
-        entries["normal"] = [0.0 if each is None else each for each in normal]
-    return parse(CircleForm, entries, where, TargetError)
+def _read_forms(path: Path) -> list[CircleForm]:
+    return [parse(CircleForm, entries, where, TargetError) for where, entries in read_circle_list(path)]

@@ -12,9 +12,10 @@ import yaml
 from circlepose.errors import TargetError, UsageError
 from circlepose.io.atomic import atomic_writer
 from circlepose.io.board_file import layout_of, layout_to_mapping
+from circlepose.io.length_units import check_units
 from circlepose.io.marks import COMMENT
 from circlepose.io.print_scale import PrintScale, print_scale_of
-from circlepose.io.target_form import HintForm, TargetForm, check_units, kind_of
+from circlepose.io.target_form import HintForm, TargetForm, kind_of
 from circlepose.io.text.escaping import printable
 from circlepose.io.text.source import Source, read_source
 from circlepose.io.text.validation import parse

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Annotated, Literal
 
 from pydantic import Field
@@ -18,14 +17,6 @@ _Triple = Annotated[list[float], Field(min_length=3, max_length=3)]
 _DIRECTION = "a direction [x, y, z] in the camera frame (x right, y down, z forward)"
 _Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
 _AXIS = "[shortest, longest] full length of that axis in px"
-_IN_RADIUS_MM = {
-    "diameter_mm": 0.5,
-    "radius_cm": 10.0,
-    "diameter_cm": 5.0,
-    "radius_m": 1000.0,
-    "diameter_m": 500.0,
-}
-_UNIT_UNSAID = ("radius", "radii", "r", "diameter", "d", "size")
 
 
 class AxisIntervalsForm(Strict):
@@ -76,19 +67,6 @@ class TargetForm(Strict):
     shape_file: str | None = Field(None, description="the name of a JSON file that calibrate wrote")
     side: Literal["auto", "front", "back"] = Field("auto", description="one of auto, front, back")
     print_scale: float | dict[str, object] | None = Field(None, description=PRINT_SCALE)
-
-
-def check_units(mapping: Mapping[str, object], where: str) -> None:
-    """Refuse lengths whose name says another unit, or none, and say what to write instead."""
-    for key, value in mapping.items():
-        factor = _IN_RADIUS_MM.get(key.lower())
-        if factor is not None and isinstance(value, int | float) and not isinstance(value, bool):
-            raise TargetError(f"{where}: {key}: the file takes a radius in mm; write radius_mm: {value * factor:g}.")
-        if factor is not None or key.lower() in _UNIT_UNSAID:
-            raise TargetError(
-                f"{where}: {key}: does not say its unit; write radius_mm (a radius, not a diameter, in mm) "
-                f"or radii_mm, such as radius_mm: 60."
-            )
 
 
 def kind_of(form: TargetForm, where: str) -> Kind:

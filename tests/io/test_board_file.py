@@ -49,6 +49,30 @@ def test_a_list_may_be_a_csv_file_beside_the_target(tmp_path):
     assert layout.radius_mm.tolist() == [10.0, 9.0]
 
 
+@pytest.mark.parametrize("separator", [",", ";", "\t", " ; "])
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+def test_the_columns_of_a_list_are_separated_by_commas_semicolons_or_tabs(tmp_path, separator, end):
+    rows = (
+        ("name", "x_mm", "y_mm", "z_mm", "radius_mm", "comment", "note"),
+        ("a", "0", "0.5", "", "10", "bored, then reamed" if separator.strip() == ";" else "bored; reamed", ""),
+        ("", "", "", "", "", "", ""),
+        ("b", "-60", "1e1", "5", "9", "", "cast"),
+    )
+    (tmp_path / "holes.csv").write_bytes(end.join(["", *(separator.join(row) for row in rows), ""]).encode())
+    (tmp_path / "target.yaml").write_text("kind: board\ncircles: holes.csv\n", encoding="utf-8")
+    layout = read_target(tmp_path / "target.yaml").layout
+    assert layout.names == ("a", "b")
+    assert layout.centers_mm.tolist() == [[0.0, 0.5, 0.0], [-60.0, 10.0, 5.0]]
+    assert layout.radius_mm.tolist() == [10.0, 9.0]
+
+
+def test_a_list_in_quotes_is_read(tmp_path):
+    text = '"name";"x_mm";"y_mm";"radius_mm"\n"a; b";"0";"0";"3"\n"c";"20";"0";"3"\n'
+    (tmp_path / "holes.csv").write_text(text, encoding="utf-8")
+    (tmp_path / "target.yaml").write_text("kind: board\ncircles: holes.csv\n", encoding="utf-8")
+    assert read_target(tmp_path / "target.yaml").layout.names == ("a; b", "c")
+
+
 @pytest.mark.parametrize("text", [GRID, GRID + "marks: [{at: [0, 3], radii_mm: [8, 5]}]\nomit: [[1, 1]]\n", LIST])
 def test_what_is_written_is_read_back_equal(text):
     target = read_target(text.encode())
@@ -87,6 +111,28 @@ def test_the_shape_that_a_calibration_found(tmp_path):
             GRID.replace("symmetric", "square"),
             "grid.pattern: expected one of symmetric, asymmetric, hexagonal, got 'square'",
         ),
+        (
+            GRID.replace("pattern: symmetric, ", ""),
+            "<bytes>: grid.pattern: is missing; expected one of symmetric, asymmetric, hexagonal.",
+        ),
+        (
+            GRID.replace("symmetric", ""),
+            "grid.pattern: has no value; expected one of symmetric, asymmetric, hexagonal.",
+        ),
+        (GRID.replace("rows: 3, ", ""), "grid.rows: is missing; expected a whole number of at least 1."),
+        (GRID.replace("columns: 4, ", ""), "grid.columns: is missing; expected a whole number of at least 1."),
+        (GRID.replace(", spacing_mm: 30", ""), "grid.spacing_mm: is missing; expected one number, the distance"),
+        (GRID + "marks: [{radius_mm: 4}]\n", "marks[0].at: is missing; expected [row, column]"),
+        (LIST.replace("y_mm: 0, r", "r"), "circles[0].y_mm: is missing; expected one number, in mm."),
+        (
+            LIST.replace("radius_mm: 10", "diameter_mm: 20"),
+            "<bytes>: circles[0].diameter_mm: the file takes a radius in mm; write radius_mm: 10.",
+        ),
+        (
+            GRID + "marks: [{at: [0, 3], diameter_mm: 5}]\n",
+            "marks[0].diameter_mm: the file takes a radius in mm; write radius_mm: 2.5.",
+        ),
+        (LIST.replace("radius_mm: 10", "radius: 10"), "circles[0].radius: does not say its unit; write radius_mm"),
         (GRID.replace("rows: 3", "row: 3"), "grid.row: is no known key; did you mean rows?"),
         (GRID.replace("spacing_mm: 30", "spacing_mm: 12"), "overlap"),
         (GRID + "marks: [{at: [0, 9], radius_mm: 4}]\n", "marks: expected [row, column]"),
@@ -147,6 +193,23 @@ def test_what_is_refused_names_the_key(text, words, tmp_path, monkeypatch):
             "name,x_mm,y_mm,radius_mm\na,0,0,1e999\n",
             "line 2: radius_mm: expected a number; 1e999 is not a finite number",
         ),
+        (
+            "name,x_mm,y_mm,diameter_mm\na,0,0,8\n",
+            "the file takes a radius in mm; name the column radius_mm and write half",
+        ),
+        ("name,x_mm,y_mm,radius_cm\na,0,0,8\n", "name the column radius_mm and write 10 times each value."),
+        ("name,x_mm,y_mm,radius\na,0,0,8\n", "column 'radius' does not say its unit; name it radius_mm"),
+        ("name,x_mm,y_mm,Z_mm\na,0,0,8\n", "column 'Z_mm' is not known; did you mean z_mm?"),
+        (
+            "name,x_mm,y_mm,color\na,0,0,8\n",
+            "ny, nz, and comment and note for people; commas, semicolons or tabs separate",
+        ),
+        ("name x_mm y_mm\na 0 0\n", "column 'name x_mm y_mm' is not known; the columns are name, x_mm,"),
+        ("x_mm,y_mm,x_mm\n0,0,1\n", "column 'x_mm' is there twice"),
+        ("name,x_mm,y_mm,radius_mm\na,1,5,0,3\n", "line 2: has 5 values for 4 columns; numbers have a decimal point"),
+        ("name;x_mm;y_mm;radius_mm\na;1,5;0;3\n", "line 2: x_mm: expected a number with a decimal point, got '1,5'."),
+        ("x_mm,y_mm,radius_mm\n0,0,3\n\n5,,3\n", "line 4: y_mm: is missing; expected one number, in mm."),
+        (f"x_mm,y_mm,comment\n0,0,{'a' * 140_000}\n", "line 2: is no CSV (field larger than field limit"),
         ("name,x_mm,y_mm,radius_mm,nx\na,0,0,3,-inf\n", "line 2: nx: expected a number; -inf is not a finite number"),
     ],
 )

@@ -153,8 +153,14 @@ def test_height_gives_the_generatrix() -> None:
             "radius_mm: 60\nnormal_hint: [0, 0, -1]",
             "normal_hint: expected a mapping with direction: a direction [x, y",
         ),
-        ("radius_mm: 60\nnormal_hint: {spread_deg: 5}", "normal_hint.direction: expected a direction [x, y, z]"),
-        ("radius_mm: 60\nnormal_hint: {direction: [0, -1]}", "normal_hint.direction: expected a direction [x, y, z]"),
+        (
+            "radius_mm: 60\nnormal_hint: {spread_deg: 5}",
+            "normal_hint.direction: is missing; expected a direction [x, y, z]",
+        ),
+        (
+            "radius_mm: 60\nnormal_hint: {direction: [0, -1]}",
+            "normal_hint.direction: expected a direction [x, y, z]",
+        ),
         (
             "radius_mm: 60\nnormal_hint: {direction: [0, 0, 0]}",
             "normal_hint.direction: expected a direction [x, y, z] of",

@@ -89,6 +89,9 @@ def _sentence(form: type[Strict], entries: Mapping[str, object], detail: ErrorDe
         # Other parts are names of the alternatives of a field.
     if isinstance(inner, float) and not math.isfinite(inner):
         return f"{path}: expected {expected}; {_in_yaml(inner)} is not a finite number."
+    if value is None:
+        what = "is missing" if detail["type"] == "missing" else "has no value"
+        return f"{path}: {what}; expected {expected}."
     hint = REMOVE_QUOTES if is_number_in_quotes(value) else ""
     return f"{path}: expected {expected}, got {shown(value)}{hint}."
 
