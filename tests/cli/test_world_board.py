@@ -136,6 +136,19 @@ def test_tables_say_their_frame_and_are_compared_in_it(run, scenes, tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("file", "name"), [("table.yaml", "table"), ("plates/table.yaml", "table"), ("b.txt", None), ("b.2.yaml", None)]
+)
+def test_a_file_that_is_beside_the_images_is_given_by_its_name(run, scenes, file, name):
+    (scenes / file.split("/")[-1]).write_text(WORLD)
+    code, out, err = run("estimate", scenes / "a.png", "--world-board", file)
+    assert (code, out) == (2, "")
+    given = name or scenes / file
+    said = f"--world-board {file}: there is no such file, but one of this name beside the images; give --world-board "
+    assert f"{said}{given}.\n" in err
+    assert run("estimate", scenes / "a.png", "--world-board", given)[0] == 0
+
+
+@pytest.mark.parametrize(
     ("args", "message"),
     [
         (["--world-board", "chair"], "--world-board chair: there is no chair.yaml in "),

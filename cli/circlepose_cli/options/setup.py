@@ -146,6 +146,7 @@ class Setups:
             )
         if not is_name and not path.suffix and path.with_suffix(".yaml").is_file() and not path.exists():
             raise UsageError(f"--world-board: {printable(typed)}: there is no such file; {path.name}.yaml is there.")
+        _check_not_beside(path, folder)
         world = read_target(path)
         try:
             check_world_board(world, target)
@@ -153,6 +154,19 @@ class Setups:
             reason = str(error).removeprefix("world_board: ")
             raise UsageError(f"--world-board: {printable(str(path))}: {reason}") from None
         return world, path
+
+
+def _check_not_beside(path: Path, folder: Place) -> None:
+    """Raise `UsageError` where the file of a board is not there, but one of its name is beside the images."""
+    if isinstance(folder, RemoteFile) or os.path.lexists(path) or not os.path.lexists(folder / path.name):
+        return
+    # What a name without an ending stands for.
+    is_named = path.suffix in (".yaml", ".yml") and not Path(path.stem).suffix
+    given = path.stem if is_named else str(folder / path.name)
+    raise UsageError(
+        f"--world-board {printable(str(path))}: there is no such file, but one of this name beside the images; give "
+        f"--world-board {printable(given)}."
+    )
 
 
 def _check_exists(path: Place) -> None:
