@@ -20,7 +20,7 @@ from circlepose.drawing.board_explanation import draw_board_explanation
 from circlepose.drawing.explanation import draw_explanation
 from circlepose.drawing.style import MISFIT, UNUSED
 from circlepose.io.scenes.produce import render_to_folder
-from circlepose.results import ImageResult
+from circlepose.results import ImageResult, SettledBy
 from circlepose.synthesis.render import render
 from circlepose.synthesis.scene import BoardPart, Paint, Scene
 from circlepose.targets.board import BoardLayout, Grid
@@ -179,6 +179,20 @@ def test_one_circle_is_written_and_drawn_by_its_name(folder: Path, capsys: pytes
     assert f"{name:<12}was not seen" in capsys.readouterr().out
     assert main(["explain", "-q", image, "--circle", "r9c9"]) == 2
     assert "--circle: expected a circle of the target (r0c0, r0c1 ... r3c3), got 'r9c9'" in capsys.readouterr().err
+
+
+def test_a_circle_of_a_board_says_how_its_pose_is_settled(explained: tuple[Image, Explanation]) -> None:
+    explanation = explained[1]
+    (circle,) = explanation.named("r0c1")
+    for settled_by, number, line in (
+        (SettledBy.NONE, 1, "ambiguity   none: one pose is possible"),
+        (SettledBy.JOINT_FIT, 2, "settled by  joint_fit: one pose fitted to all rims of the board"),
+    ):
+        result = replace(circle.result, candidates=circle.result.candidates[:1] * number, settled_by=settled_by)
+        circles = tuple(replace(each, result=result) if each is circle else each for each in explanation.circles)
+        text = report_text(replace(explanation, circles=circles), "c", "t", "r0c1")
+        assert line in text.splitlines()
+        assert ("settled by" in text) == (number == 2)
 
 
 def _text(folder: Path, capsys: pytest.CaptureFixture[str]) -> str:

@@ -11,7 +11,7 @@ from circlepose.diagnostics.explain import ExplainedCircle, Explanation, segment
 from circlepose.diagnostics.residuals import LevelResiduals
 from circlepose.io.text.escaping import printable
 from circlepose.measurement.rim import EdgeRim, FittedRim
-from circlepose.results import SETTLED_BY_MEANING, CircleResult, Status
+from circlepose.results import SETTLED_BY_MEANING, CircleResult, SettledBy, Status
 from circlepose_cli.reports.explain.boards import board_rows
 from circlepose_cli.reports.explain.poses import (
     cue_lines,
@@ -52,7 +52,7 @@ def report_text(explanation: Explanation, camera: str, target: str, circle: str 
     if circle is not None and not explanation.named(circle):
         rows += [("", None), (circle, "was not seen" if boards else "was not measured")]
     for each in explanation.named(circle) if circle is not None or not boards else ():
-        rows += [("", None), *_circle_rows(each, refine=explanation.refine)]
+        rows += [("", None), *_circle_rows(each, refine=explanation.refine, is_of_board=bool(boards))]
         rows += view_rows(mirror_view_of(each.result, explanation.circles))
     return "\n".join(
         f"{name:<{INDENT}}{printable(words)}".rstrip() if words is not None else ""
@@ -61,7 +61,7 @@ def report_text(explanation: Explanation, camera: str, target: str, circle: str 
     )
 
 
-def _circle_rows(circle: ExplainedCircle, *, refine: bool) -> Iterator[tuple[str, str | None]]:
+def _circle_rows(circle: ExplainedCircle, *, refine: bool, is_of_board: bool) -> Iterator[tuple[str, str | None]]:
     result = circle.result
     yield f"#{result.instance} {result.circle}", f"radius {result.radius_mm:g} mm, {result.method}: {result.status}"
     yield "", result.reason
@@ -82,14 +82,24 @@ def _circle_rows(circle: ExplainedCircle, *, refine: bool) -> Iterator[tuple[str
     for number, candidate in enumerate(result.candidates):
         yield f"pose {number}", pose_line(candidate, chosen=number == result.chosen)
     if result.candidates:
-        yield "ambiguity", f"{small(result.ambiguity)}, the probability that the chosen pose is the wrong one"
-        yield "settled by", f"{result.settled_by}: {SETTLED_BY_MEANING[result.settled_by]}"
+        yield from _choice(result, is_of_board=is_of_board)
         for name, words in zip(("", "", "", ""), cue_lines(result), strict=False):
             yield name, words
         for name, words in zip(("uncertainty", ""), uncertainty_lines(result, refine=refine), strict=False):
             yield name, words
     if result.flags:
         yield "flags", ", ".join(result.flags)
+
+
+def _choice(result: CircleResult, *, is_of_board: bool) -> Iterator[tuple[str, str]]:
+    """Yield what is known of the choice between the candidates."""
+    if len(result.candidates) == 1:
+        yield "ambiguity", "none: one pose is possible"
+        return
+    yield "ambiguity", f"{small(result.ambiguity)}, the probability that the chosen pose is the wrong one"
+    is_board_fit = is_of_board and result.settled_by is SettledBy.JOINT_FIT
+    meaning = "one pose fitted to all rims of the board" if is_board_fit else SETTLED_BY_MEANING[result.settled_by]
+    yield "settled by", f"{result.settled_by}: {meaning}"
 
 
 def _nested(result: CircleResult) -> Iterator[str]:
