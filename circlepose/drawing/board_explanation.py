@@ -145,7 +145,7 @@ def _panel(sheet: _Sheet) -> Image:
     pen, room = Pen(panel, 1, _UNIT), Room.of(panel, _UNIT)
     board = sheet.view.board
     said = [f"board {board.instance}: {board_words.circles_used(board)} circles, rms {board_words.rms_px(board)} px"]
-    said[0] += f"; {board_words.marks(board)}"
+    said[0] += f", {board_words.misfit(board)}; {board_words.marks(board)}"
     said.append(
         f"origin {board_words.origin(board)} mm   sigma {board_words.sigma_mm(board)} mm   "
         f"rotation (w, x, y, z) {board_words.quaternion(board)}   sigma {board_words.sigma_deg(board)} deg"

@@ -79,6 +79,12 @@ def rms_px(board: BoardResult) -> str:
     return f"{rms:.{words.decimals(rms)}f}"
 
 
+def misfit(board: BoardResult) -> str:
+    """Return by how much the rims misfit the pose, against what their noise would do."""
+    sigmas = float(np.sqrt(np.mean([circle.sigmas**2 for circle in board.circles if circle.is_used])))
+    return f"the rims are {sigmas:.{1 if sigmas < 9.95 else 0}f} standard deviations off, noise alone gives about 1"
+
+
 def sentences(boards: Sequence[BoardResult]) -> tuple[str, ...]:
     """Return what a heading says of boards; of several the poses are in `rows`."""
     if len(boards) > 1:

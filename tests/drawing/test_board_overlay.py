@@ -1,6 +1,8 @@
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,14 +12,16 @@ from circlepose._typing import Image
 from circlepose.camera.camera import Camera
 from circlepose.diagnostics.boards import board_views
 from circlepose.drawing import board_overlay, board_words
+from circlepose.drawing.board_explanation import draw_board_explanation
 from circlepose.drawing.board_overlay import MOST_NAMES, DrawnBoards, draw_boards, plan_names
 from circlepose.drawing.canvas import Pen
 from circlepose.drawing.labels import Room
-from circlepose.drawing.style import AMBIGUOUS, AXES, CHOSEN, MISFIT, OTHER, UNUSED, Color, unit_of
+from circlepose.drawing.style import AMBIGUOUS, AXES, CHOSEN, MISFIT, OTHER, UNUSED, Color, Font, unit_of
 from circlepose.results import Flag, ImageResult
 from circlepose.synthesis.render import render
 from circlepose.synthesis.scene import BoardPart, Box, Paint, Patch, Scene
 from circlepose.targets.board import BoardLayout, Grid
+from tests.support.board_results import made_board
 
 SIZE = (1000, 800)
 CAMERA = Camera.create([[1000.0, 0.0, 499.5], [0.0, 1000.0, 399.5], [0.0, 0.0, 1.0]], (-0.1, 0.02, 0.0, 0.0), SIZE)
@@ -123,6 +127,29 @@ def test_the_heading_says_circles_rms_origin_and_sigma(full: tuple[Image, ImageR
     several = [board, replace(board, instance=1)]
     assert board_words.sentences(several) == ("2 boards, 24 of 24 circles",)
     assert [row[:2] for row in board_words.rows(several)[1:]] == [("0", "12 of 12"), ("1", "12 of 12")]
+
+
+def test_residuals_have_a_yardstick_in_standard_deviations_of_the_circles_that_count() -> None:
+    first, second = made_board().circles
+    assert board_words.misfit(made_board()).startswith("the rims are 0.9 standard deviations off, noise alone")
+    both = replace(made_board(), circles=(first, replace(second, is_used=True, sigmas=17.0)))
+    assert board_words.misfit(both).startswith("the rims are 12 standard deviations off,")
+
+
+def test_the_picture_of_residuals_has_the_yardstick(
+    full: tuple[Image, ImageResult], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    written: list[str] = []
+    write = Font.write
+
+    def record(font: Font, canvas: Image, lines: Sequence[str], *others: Any) -> Any:
+        written.extend(lines)
+        return write(font, canvas, lines, *others)
+
+    monkeypatch.setattr(Font, "write", record)
+    draw_board_explanation(full[1], CAMERA)
+    (line,) = (each for each in written if each.startswith("board 0: 12 of 12 circles, rms 0."))
+    assert board_words.misfit(full[1].boards[0]) in line
 
 
 def test_the_picture_of_a_board_is_that_of_the_image_below_a_heading(covered: tuple[Image, ImageResult]) -> None:
