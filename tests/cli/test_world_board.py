@@ -73,6 +73,8 @@ def test_poses_are_in_the_frame_of_a_board_by_its_name_or_its_file(run, scenes):
 
 def test_the_scene_of_a_board_has_a_disc_beside_it(run, tmp_path, project_root):
     assert run("render", project_root / "configs" / "scenes" / "board.yaml", "-o", tmp_path)[0] == 0
+    # It is no target, so it has no truth.
+    assert {float(row["radius_mm"]) for row in rows((tmp_path / "truth.csv").read_text())} == {8.0, 4.0}
     code, out, err = run("estimate", tmp_path, "--radius-mm", "15", "--facing", "up", "--world-board", "target")
     assert code == 0, err
     chosen = [row for row in rows(out) if row["chosen"] == "true"]

@@ -76,6 +76,13 @@ def test_every_column_is_in_the_manual(manual):
         assert f"| `{column}` | {meaning} |" in manual
 
 
+@pytest.mark.parametrize("layout", ["poses", "boards"])
+def test_the_columns_of_a_layout_say_whose_frame_they_are_in(manual, layout):
+    before_the_columns = manual.split(f"**`{layout}`**: a row per")[1].split("| column | |")[0]
+    assert "With `--world-board`" in before_the_columns
+    assert "in the frame" in before_the_columns
+
+
 def test_every_exit_code_is_in_the_manual(manual):
     for code in (0, 1, 2, 3, 130):
         assert f"\n| {code} | " in manual

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 import circlepose
+from circlepose.targets import KINDS
 from tests.support.paths import ROOT
 
 MANUAL = (ROOT / "docs" / "python.md").read_text(encoding="utf-8")
@@ -54,6 +55,13 @@ def test_the_example_of_the_readme_runs(beside_samples: Path, capsys: pytest.Cap
 def test_every_public_function_is_in_the_manual() -> None:
     functions = {name for name in circlepose.__all__ if name[0].islower()}
     assert {name for name in functions if f"{name}(" not in MANUAL} == set()
+
+
+def test_every_kind_of_target_and_the_world_board_are_in_the_manual() -> None:
+    makers = {"rings" if kind == "coplanar" else kind for kind in KINDS}
+    assert {name for name in makers if f"Target.{name}(" not in MANUAL} == set()
+    for function in ("estimate", "measure"):
+        assert f"{function}(..., world_board=" in MANUAL
 
 
 def test_every_link_of_the_manual_leads_somewhere() -> None:
