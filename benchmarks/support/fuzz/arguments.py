@@ -29,7 +29,6 @@ from circlepose.disambiguation.options import DisambiguationOptions
 from circlepose.measurement.options import MeasurementOptions
 from circlepose.rings.options import RingOptions
 from circlepose.solvers import METHODS
-from circlepose.targets.board import BoardLayout, Grid
 
 MOST_CHARACTERS = 600
 """of a message"""
@@ -52,7 +51,7 @@ def formats() -> Mapping[str, Format]:
 def calls() -> Mapping[str, Call]:
     """Return all calls that are fuzzed by name."""
     return {
-        "estimate": Call(circlepose.estimate, _of_estimate),
+        "estimate": Call(circlepose.estimate, lambda: {**_of_estimate(), "world_board": None}),
         "estimate_from_contour": Call(circlepose.estimate_from_contour, _of_contour),
         "estimate_from_ellipse": Call(circlepose.estimate_from_ellipse, _of_ellipse),
         "explain": Call(_explained, _of_estimate),
@@ -355,7 +354,6 @@ def _of_estimate() -> dict[str, object]:
         "extraction": "edges",
         "scale_calibration": True,
         "name": "a",
-        "world_board": Target.board(BoardLayout.on_grid(5.0, Grid("symmetric", 2, 3, 20.0))),
     }
 
 
