@@ -18,6 +18,7 @@ _LEVELS, _SHARE = 16, 0.1
 def test_the_pictures_are_those_of_the_scenes(tmp_path, monkeypatch):
     if int(cv2.__version__.split(".")[0]) < 5:
         pytest.skip(f"the pictures have the letters of OpenCV 5, this is {cv2.__version__}")
+    pytest.importorskip("pypdfium2")
     monkeypatch.syspath_prepend(str(ROOT / "docs"))
     pictures = import_module("sitegen.pictures")
     made = pictures.write_pictures(tmp_path)
