@@ -60,7 +60,7 @@ def plot_noise(rows: Sequence[NoiseRow], path: Path, *, overwrite: bool = False)
         axes.set_ylim(bottom=0.0)
         axes.grid(alpha=0.3)
     figure.legend(loc="outside lower center", ncols=2, fontsize="small")
-    _save(figure, path, overwrite=overwrite)
+    save_plot(figure, path, overwrite=overwrite)
 
 
 def plot_gcc(points: Sequence[GccPoint], path: Path, *, overwrite: bool = False) -> None:
@@ -88,7 +88,7 @@ def plot_gcc(points: Sequence[GccPoint], path: Path, *, overwrite: bool = False)
         axes.axhline(0.0, color="black", linewidth=0.8)
         axes.grid(alpha=0.3)
     figure.legend(loc="outside lower center", ncols=3, fontsize="small")
-    _save(figure, path, overwrite=overwrite)
+    save_plot(figure, path, overwrite=overwrite)
 
 
 def _label(point: GccPoint) -> str:
@@ -99,7 +99,8 @@ def _number(value: float | None) -> float:
     return float("nan") if value is None else value
 
 
-def _save(figure: Figure, path: Path, *, overwrite: bool) -> None:
+def save_plot(figure: Figure, path: Path, *, overwrite: bool) -> None:
+    """Write a figure to `path`, marked as ours, whole or not at all."""
     picture = io.BytesIO()
     figure.savefig(picture, format=path.suffix[1:].lower(), dpi=_DPI)
     with atomic_writer(path, binary=True, overwrite=overwrite) as handle:

@@ -27,6 +27,7 @@ from circlepose_cli.commands.examples import EXAMPLES
 from circlepose_cli.commands.explain import explain
 from circlepose_cli.commands.inspect import inspect
 from circlepose_cli.commands.print import print_
+from circlepose_cli.commands.plan import plan
 from circlepose_cli.commands.render import render
 from circlepose_cli.commands.schema import schema
 from circlepose_cli.commands.statuses import statuses
@@ -51,7 +52,7 @@ app = typer.Typer(
     no_args_is_help=True,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (demo, estimate, check, inspect, explain, camera, print_, render, statuses, schema, completion):
+for command in (demo, estimate, check, inspect, explain, camera, plan, print_, render, statuses, schema, completion):
     # The name of a built-in function ends in a _ as ours.
     name = command.__name__.removesuffix("_")
     app.command(name, cls=GroupedCommand, epilog=EXAMPLES.get(name))(command)

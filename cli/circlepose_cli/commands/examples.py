@@ -32,6 +32,11 @@ circlepose camera camchain.yaml --camera-name cam1 --to opencv -o cam1.xml""",
 circlepose print target.yaml -o sheet.svg
 circlepose print board.yaml -o board.pdf --paper A4
 circlepose print rings.yaml -o rings.dxf --light-on-dark""",
+    "plan": """\
+circlepose plan --calib cam.yaml --radius-mm 20 --distance-mm 300:1500
+circlepose plan --focal-mm 8 --pixel-um 3.45 --image-size 2448x2048 --target board.yaml --distance-mm 800
+circlepose plan --calib cam.yaml --radius-mm 20 --distance-mm 200:5000 --sigma-mm 0.1
+circlepose plan --calib cam.yaml --radius-mm 20 --distance-mm 800 --sigma-mm 0.1 --find radius""",
     "completion": """\
 circlepose completion bash >> ~/.bashrc
 circlepose completion zsh > ~/.zfunc/_circlepose

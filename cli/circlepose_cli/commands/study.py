@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Annotated, TypeVar
+from typing import Annotated
 
 import typer
 
 from circlepose_cli.console import process
+from circlepose_cli.console.following import followed
 from circlepose_cli.options import declared
 
-T = TypeVar("T")
 Seed = Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Seed of the random numbers.")]
 study = typer.Typer(
     name="study",
@@ -86,7 +84,7 @@ def noise(
 
     _check_plot(plot, output, overwrite=overwrite)
     total = len(readings()) * len(NOISE)
-    rows = (*printed_noise_rows(), *_followed(noise_rows(repeats, seed), total, "perturbing"))
+    rows = (*printed_noise_rows(), *followed(noise_rows(repeats, seed), total, "perturbing"))
     if plot is not None:
         from circlepose.reporting.study_plots import plot_noise  # noqa: PLC0415
 
@@ -137,7 +135,7 @@ def gcc(
     from circlepose_cli.reports.study import gcc_sheet  # noqa: PLC0415
 
     _check_plot(plot, output, overwrite=overwrite)
-    points = (*printed_points(), *_followed(gcc_points(scenes, seed), scenes * len(PARTS), "rendering"))
+    points = (*printed_points(), *followed(gcc_points(scenes, seed), scenes * len(PARTS), "rendering"))
     if plot is not None:
         from circlepose.reporting.study_plots import plot_gcc  # noqa: PLC0415
 
@@ -155,14 +153,3 @@ def _check_plot(plot: Path | None, output: Path | None, *, overwrite: bool) -> N
 
     refuse_one_place([("--plot", plot), ("-o", output_place(output))])
     check_plot(plot, overwrite=overwrite)
-
-
-def _followed(rows: Iterable[T], total: int, doing: str) -> Iterator[T]:
-    """Yield the `rows`, with a bar meanwhile where standard error is a terminal."""
-    if not sys.stderr.isatty():
-        yield from rows
-        return
-    from rich.console import Console  # noqa: PLC0415
-    from rich.progress import track  # noqa: PLC0415
-
-    yield from track(rows, doing, total=total, console=Console(stderr=True), transient=True)

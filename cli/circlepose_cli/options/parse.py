@@ -14,6 +14,8 @@ from circlepose.targets import SIDES, Direction, Side
 if TYPE_CHECKING:
     from circlepose.results import ImageResult
 
+PLACES = ("middle", "right", "bottom", "corner")
+"""of the target in the image, as `circlepose plan` has them"""
 Interval: TypeAlias = tuple[float, float]
 _OPTIONS = {"set scale_calibration": "give --scale-calib", "set force_calibration": "give --force-calib"}
 
@@ -100,6 +102,43 @@ def count(option: str, text: str) -> int | Literal["all"]:
     if text.isdecimal() and int(text) >= 1:
         return int(text)
     raise UsageError(f"{option}: expected a whole number of at least 1, or all, got {text!r}.")
+
+
+def span(option: str, text: str) -> Interval:
+    """Return the interval written as LOW:HIGH, or one number twice; raises `UsageError`."""
+    try:
+        ends = [float(part) for part in text.split(":")]
+    except ValueError:
+        ends = []
+    low, high = (ends * 2 if len(ends) == 1 else ends) if len(ends) in (1, 2) else (math.nan, math.nan)
+    if not (0.0 <= low <= high < math.inf):
+        raise UsageError(
+            f"{option}: expected a number or two, LOW:HIGH with 0 <= LOW <= HIGH, such as 300:1500, got {text!r}."
+        )
+    return low, high
+
+
+def positive(option: str, value: float) -> float:
+    """Return a positive number; raises `UsageError`."""
+    if not 0.0 < value < math.inf:
+        raise UsageError(f"{option}: expected a positive number, such as 0.1, got {value:g}.")
+    return value
+
+
+def size_px(option: str, text: str) -> tuple[int, int]:
+    """Return the width and height written as WxH; raises `UsageError`."""
+    width, _, height = text.lower().partition("x")
+    if not (width.isdecimal() and height.isdecimal() and int(width) > 0 and int(height) > 0):
+        raise UsageError(f"{option}: expected WIDTHxHEIGHT in px, such as 1280x960, got {text!r}.")
+    return int(width), int(height)
+
+
+def places(option: str, text: str) -> tuple[str, ...]:
+    """Return the names of places in the image; raises `UsageError`."""
+    names = tuple(dict.fromkeys(part.strip() for part in text.split(",")))
+    if not set(names) <= set(PLACES):
+        raise UsageError(f"{option}: expected some of {', '.join(PLACES)}, such as middle,corner, got {text!r}.")
+    return names
 
 
 def interval(option: str, text: str) -> Interval:

@@ -1,4 +1,4 @@
-"""What a study prints: one sheet of rows and notes, as a table for people, CSV, JSON or JSON lines."""
+"""What studies and plans print: one sheet of rows and notes, as a table for people, CSV, JSON or JSON lines."""
 
 from __future__ import annotations
 
@@ -24,14 +24,16 @@ _NOTE_WIDTH = 120
 
 @dataclass(frozen=True, slots=True)
 class Sheet:
-    """The outcome of a study, ready to be printed."""
+    """Rows ready to be printed."""
 
     name: str
-    """last part of the JSON's schema"""
+    """of the JSON's schema, such as study.table1"""
     decimals: dict[str, int]
     """columns in their order, and how many decimals their numbers have; 0 for texts"""
     rows: tuple[tuple[Cell, ...], ...]
     notes: tuple[str, ...]
+    details: tuple[str, ...] = ()
+    """columns that a narrow table leaves out, the first of them first"""
 
 
 def write_sheet(sheet: Sheet, asked: FormatChoice | None, path: Path | None, *, overwrite: bool = False) -> None:
@@ -55,8 +57,13 @@ def write_sheet(sheet: Sheet, asked: FormatChoice | None, path: Path | None, *, 
 def _write_table(sheet: Sheet, handle: IO[str]) -> None:
     from circlepose_cli.output.grid import Column, Grid, Row, print_grid, without_repeats  # noqa: PLC0415 - needs rich
 
-    headers = ("\n".join(wrap(header, _HEADER_WIDTH, break_long_words=False)) for header in sheet.decimals)
-    columns = tuple(map(Column, headers))
+    columns = tuple(
+        Column(
+            "\n".join(wrap(name.replace("_", " "), _HEADER_WIDTH, break_long_words=False)),
+            rank=len(sheet.details) - sheet.details.index(name) if name in sheet.details else 0,
+        )
+        for name in sheet.decimals
+    )
     rows = [Row(tuple(shown or "--" for shown in _printed(sheet, row))) for row in sheet.rows]
     print_grid(handle, Grid(columns, without_repeats(rows, 1)))
     width = width_of(handle) or _NOTE_WIDTH
@@ -71,7 +78,7 @@ def _write_csv(sheet: Sheet, handle: IO[str], delimiter: str) -> None:
 
 
 def _write_json(sheet: Sheet, handle: IO[str], *, lines: bool) -> None:
-    schema = f"circlepose.study.{sheet.name}/1"
+    schema = f"circlepose.{sheet.name}/1"
     rows: list[dict[str, object]] = [
         {
             column: list(value) if isinstance(value, tuple) else value

@@ -18,7 +18,7 @@ def table1_sheet(rows: Sequence[Table1Row]) -> Sheet:
     method, image, center, position, normal, orientation = TABLE1_COLUMNS
     decimals = {method: 0, "Source": 0, image: 0, center: 2, position: 2, normal: 2, orientation: 2}
     return Sheet(
-        "table1",
+        "study.table1",
         {**decimals, "Position error (mm)": 2, "Orientation error (deg)": 2},
         tuple(
             (
@@ -51,7 +51,7 @@ def noise_sheet(rows: Sequence[NoiseRow], repeats: int, seed: int) -> Sheet:
     columns = ("Reading", "Perturbed", "Noise (px)")
     spreads = ("SD of centre (mm)", "SD of normal (deg)", "Bias of centre (mm)", "Bias of normal (deg)")
     return Sheet(
-        "noise",
+        "study.noise",
         {**dict.fromkeys(columns, 0), **dict.fromkeys(spreads, 2), "No pose": 0},
         tuple(
             (
@@ -84,7 +84,7 @@ def gcc_sheet(rows: Sequence[GccRow], seed: int) -> Sheet:
     """Return the deviations of GCC over many scenes, Fig. 9 of Fu & Zhou."""
     deviations = ("Right pair, median (mm)", "Right pair, largest (mm)", "Other pair, smallest (mm)")
     return Sheet(
-        "gcc",
+        "study.gcc",
         {
             **dict.fromkeys(("Part", "Tilt (deg)", "Scenes", "No pose"), 0),
             **dict.fromkeys(deviations, 2),
@@ -121,7 +121,7 @@ def table2_sheet(rows: Sequence[Table2Row]) -> Sheet:
     """Return Tables 1 and 2 of Fu & Zhou."""
     texts = dict.fromkeys(("Scene", "Source", "Candidate"), 0)
     return Sheet(
-        "table2",
+        "study.table2",
         {**texts, "UN": 4, "TV": 4, "GCC": 2, "TV error (mm)": 3, "TV distance (mm)": 3, "UN error (deg)": 3},
         tuple(
             (

@@ -1,0 +1,1 @@
+"""How accurate a camera, a target and a distance will be, before anything is bought."""

@@ -1,0 +1,262 @@
+"""What `estimate` will say of a view, and how often it will be wrong.
+
+A picture of the view is measured as any photograph: the covariance is the fit's own, with the terms of the camera and
+of the radius, and what is not found there is not found. Noise comes in pairs of opposite sign, so that what is odd in
+it cancels in the mean of both.
+
+Of two poses the log odds L of the true one are normal about d^2 / 2 with the standard deviation d, where d is how
+many standard deviations of the noise they are apart. The mean of L over a pair gives d, and the choice is wrong where
+L is negative: with the probability Phi(-d / 2).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from circlepose._typing import FloatArray, Image
+from circlepose.board_result import BoardPose, BoardResult
+from circlepose.camera.camera import Camera, circle_points
+from circlepose.geometry.cone import plane_basis
+from circlepose.pipeline import estimate
+from circlepose.planning.views import USUAL, Look, PlacedTarget, View, picture_of, placed
+from circlepose.results import Candidate, CircleResult, Flag, ImageResult, Status
+from circlepose.synthesis.render import render_float
+from circlepose.synthesis.texture import add_noise
+from circlepose.targets.target import Target
+
+PAIRS = 2
+"""Pairs of pictures; with one, what is reported of small discs scatters by a few percent."""
+_OVERSAMPLING = 4
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PosePrediction:
+    """A pose as it was measured in one picture, and what is known of it."""
+
+    covariance: FloatArray | None
+    """(5, 5) of the middle (mm^2) and two tilts (rad^2), as `Candidate.covariance`; None where none is reported"""
+    shares: tuple[float, float]
+    """of the camera's and of the radius' term in the variance of the position"""
+    roll_deg: float | None
+    """standard deviation of the rotation about the normal, of a board"""
+    log_odds: float | None
+    """of the true candidate over the other; None where there is no other"""
+    apart_deg: float
+    """angle between the normals of both candidates"""
+    flags: tuple[Flag, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Prediction:
+    """What is to be expected of a view."""
+
+    view: View
+    found: float
+    """share of the pictures in which the target was measured"""
+    reason: str
+    """why it was not, of the first in which it was not"""
+    major_px: float
+    """full major axis of the largest circle's image"""
+    sigma_mm: FloatArray | None
+    """(3,) standard deviations of the middle along the camera's x, y and z; None where none is reported"""
+    sigma_normal_deg: float | None
+    """of the normal's direction: root of the sum of both tilts' variances"""
+    sigma_roll_deg: float | None
+    """of the rotation about the normal, of a board"""
+    camera_share: float
+    """of the camera's errors in the variance of the position"""
+    radius_share: float
+    """of the radius' error in it"""
+    wrong: float | None
+    """probability that the wrong one of two poses is chosen; None where there is one"""
+    apart_deg: float
+    """angle between the normals of both"""
+    flags: tuple[Flag, ...] = ()
+
+    @property
+    def position_mm(self) -> float | None:
+        """Standard deviation of the position: root of the sum of the three variances."""
+        return None if self.sigma_mm is None else float(np.linalg.norm(self.sigma_mm))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Planned:
+    """A line of a plan."""
+
+    place: str
+    tilt_deg: float
+    target: Target
+    prediction: Prediction | None
+    """None where nothing is as accurate as wanted"""
+    distance_mm: float | None = None
+    """that was asked for; None where it was sought"""
+
+
+def predict(camera: Camera, target: Target, view: View, look: Look = USUAL, *, pairs: int = PAIRS) -> Prediction:
+    """Return what is to be expected where `camera` sees `target` in a view.
+
+    Parameters
+    ----------
+    camera
+        With its image size, and with how well it is known.
+    target
+        What is measured; one of it, whatever its count.
+    view
+        Where it is.
+    look
+        Noise, blur and contrast.
+    pairs
+        Pairs of pictures that are measured.
+
+    Raises
+    ------
+    UsageError
+        Where the target cannot be seen so.
+    """
+    one = replace(target, count=1, same_plane="no") if target.kind == "circle" else replace(target, count=1)
+    place = placed(one, camera, view, look)
+    scene = picture_of(place, camera, look)
+    clean = render_float(scene, _OVERSAMPLING)
+    poses, reason = [], ""
+    for seed in range(pairs):
+        noise = np.zeros_like(clean)
+        add_noise(noise, look.noise_levels, seed)
+        for sign in (1.0, -1.0):
+            result = estimate(_photograph(clean + sign * noise), scene.camera, one)
+            pose = _pose_of(result, place)
+            if pose is None:
+                reason = reason or result.reason or str(result.status)
+            else:
+                poses.append(pose)
+    return _expected(view, poses, 2 * pairs, reason, _major_px(place, camera))
+
+
+def _photograph(levels: FloatArray) -> Image:
+    return np.rint(np.clip(levels, 0.0, 255.0)).astype(np.uint8)
+
+
+def _pose_of(result: ImageResult, place: PlacedTarget) -> PosePrediction | None:
+    """Return the pose of the target in a picture; None where it was not measured."""
+    if result.boards:
+        return _of_board(result.boards[0], place)
+    whole = [c for c in result.circles if c.candidates and Flag.LONE_CIRCLE not in c.flags]
+    if result.status is not Status.OK or not whole:
+        return None
+    return _of_circle(whole[0], place)
+
+
+def _of_circle(circle: CircleResult, place: PlacedTarget) -> PosePrediction:
+    normals = np.stack([candidate.normal for candidate in circle.candidates])
+    true = int(np.argmax(normals @ place.normal))
+    best = circle.candidates[true]
+    return PosePrediction(
+        best.covariance,
+        _shares(best),
+        None,
+        _log_odds(circle.ambiguity, len(normals), is_chosen=true == circle.chosen),
+        _apart_deg(normals),
+        circle.flags,
+    )
+
+
+def _of_board(board: BoardResult, place: PlacedTarget) -> PosePrediction:
+    part = place.part
+    normals = np.stack([pose.rotation[:, 2] for pose in board.candidates])
+    # A layout's roll may be any of its symmetries; all of its axes but z turn with it.
+    own = part.rotation[:, 2]  # type: ignore[union-attr]
+    true = int(np.argmax(normals @ own))
+    best = board.candidates[true]
+    middle = best.rotation.T @ (place.middle - best.translation)
+    chain = _to_middle(best, middle, place.normal)
+    covariance = chain @ best.covariance @ chain.T
+    at_middle = chain[:3]
+    position = float(np.trace(covariance[:3, :3]))
+    camera, radius = (
+        0.0 if term is None else float(np.trace(at_middle @ term @ at_middle.T)) / position
+        for term in (best.terms.camera, best.terms.radius)
+    )
+    roll = float(place.normal @ best.covariance[3:, 3:] @ place.normal)
+    return PosePrediction(
+        covariance,
+        (camera, radius),
+        math.degrees(math.sqrt(max(roll, 0.0))),
+        _log_odds(board.ambiguity, len(normals), is_chosen=true == board.chosen),
+        _apart_deg(normals),
+        board.flags,
+    )
+
+
+def _to_middle(pose: BoardPose, middle: FloatArray, normal: FloatArray) -> FloatArray:
+    """Return how the middle and the tilts of the normal (5) move with a board's pose (6)."""
+    arm = pose.rotation @ middle
+    chain = np.zeros((5, 6))
+    chain[:3, :3] = np.eye(3)
+    # w x arm, and w x normal along the tilts.
+    chain[:3, 3:] = -np.cross(arm, np.eye(3), axisb=0, axisc=0)
+    chain[3:, 3:] = -np.stack(plane_basis(normal)) @ np.cross(normal, np.eye(3), axisb=0, axisc=0)
+    return chain
+
+
+def _shares(candidate: Candidate) -> tuple[float, float]:
+    terms = candidate.covariance_terms
+    if terms is None:
+        return 0.0, 0.0
+    position = float(np.trace(terms.total[:3, :3]))
+    camera, radius = (
+        0.0 if term is None else float(np.trace(term[:3, :3])) / position for term in (terms.camera, terms.radius)
+    )
+    return camera, radius
+
+
+def _log_odds(ambiguity: float, number: int, *, is_chosen: bool) -> float | None:
+    """Return the log odds of the true candidate, by the probability that the chosen one is wrong."""
+    if number < 2:
+        return None
+    odds = math.log1p(-min(ambiguity, 1.0 - 1e-300)) - math.log(max(ambiguity, 1e-300))
+    return odds if is_chosen else -odds
+
+
+def _apart_deg(normals: FloatArray) -> float:
+    if len(normals) < 2:
+        return 0.0
+    return math.degrees(2.0 * math.asin(min(1.0, 0.5 * float(np.linalg.norm(normals[0] - normals[1])))))
+
+
+def _major_px(place: PlacedTarget, camera: Camera) -> float:
+    largest = max(place.part.circles, key=lambda circle: circle.radius)
+    rim = camera.project(circle_points(largest.center, largest.normal, largest.radius, 90))
+    return float(np.nanmax(np.linalg.norm(rim[:45] - rim[45:], axis=1)))
+
+
+def _expected(view: View, poses: Sequence[PosePrediction], pictures: int, reason: str, major_px: float) -> Prediction:
+    """Return the mean over the pictures of a view."""
+    known = [pose.covariance for pose in poses if pose.covariance is not None]
+    covariance = np.mean(known, axis=0) if known else None
+    odds = [pose.log_odds for pose in poses if pose.log_odds is not None]
+    rolls = [pose.roll_deg for pose in poses if pose.roll_deg is not None]
+    camera, radius = np.mean([pose.shares for pose in poses], axis=0) if poses else (0.0, 0.0)
+    flags = {flag for pose in poses for flag in pose.flags}
+    return Prediction(
+        view=view,
+        found=len(poses) / pictures,
+        reason=reason,
+        major_px=major_px,
+        sigma_mm=None if covariance is None else np.sqrt(covariance.diagonal()[:3]),
+        sigma_normal_deg=None if covariance is None else math.degrees(math.sqrt(covariance[3, 3] + covariance[4, 4])),
+        sigma_roll_deg=float(np.sqrt(np.mean(np.square(rolls)))) if rolls else None,
+        camera_share=float(camera),
+        radius_share=float(radius),
+        wrong=_chance_of_wrong(odds) if odds else None,
+        apart_deg=float(np.mean([pose.apart_deg for pose in poses])) if poses else 0.0,
+        flags=tuple(flag for flag in Flag if flag in flags),
+    )
+
+
+def _chance_of_wrong(log_odds: Sequence[float]) -> float:
+    """Return the probability that the wrong one of two poses is chosen, from log odds in pairs of pictures."""
+    d = math.sqrt(2.0 * max(float(np.mean(log_odds)), 0.0))
+    return 0.5 * math.erfc(d / (2.0 * math.sqrt(2.0)))
