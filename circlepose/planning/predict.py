@@ -4,9 +4,9 @@ A picture of the view is measured as any photograph: the covariance is the fit's
 of the radius, and what is not found there is not found. Noise comes in pairs of opposite sign, so that what is odd in
 it cancels in the mean of both.
 
-Of two poses the log odds L of the true one are normal about d^2 / 2 with the standard deviation d, where d is how
-many standard deviations of the noise they are apart. The mean of L over a pair gives d, and the choice is wrong where
-L is negative: with the probability Phi(-d / 2).
+Of two poses the one is chosen that misfits the rims less. By how much the wrong one misfits more, in chi-square, is
+normal about d^2 with the standard deviation 2 d, where d is how many standard deviations of the noise the two are
+apart. The mean over a pair gives d, and the choice is wrong with the probability Phi(-d / 2).
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ class PosePrediction:
     """of the camera's and of the radius' term in the variance of the position"""
     roll_deg: float | None
     """standard deviation of the rotation about the normal, of a board"""
-    log_odds: float | None
-    """of the true candidate over the other; None where there is no other"""
+    excess: float | None
+    """chi-square by which the other candidate misfits the rims more than the true one; None where there is none"""
     apart_deg: float
     """angle between the normals of both candidates"""
     flags: tuple[Flag, ...]
@@ -115,18 +115,21 @@ def predict(camera: Camera, target: Target, view: View, look: Look = USUAL, *, p
     Raises
     ------
     UsageError
-        Where the target cannot be seen so.
+        Where the height of a coaxial part is not known.
     """
     one = replace(target, count=1, same_plane="no") if target.kind == "circle" else replace(target, count=1)
     place = placed(one, camera, view, look)
-    scene = picture_of(place, camera, look)
+    scene = place if isinstance(place, str) else picture_of(place, camera, look)
+    if isinstance(place, str) or isinstance(scene, str):
+        return _expected(view, (), 1, str(scene), 0.0)
     clean = render_float(scene, _OVERSAMPLING)
     poses, reason = [], ""
     for seed in range(pairs):
         noise = np.zeros_like(clean)
         add_noise(noise, look.noise_levels, seed)
         for sign in (1.0, -1.0):
-            result = estimate(_photograph(clean + sign * noise), scene.camera, one)
+            # A part of an image is not what its camera takes.
+            result = estimate(_photograph(clean + sign * noise), scene.camera, one, force_calibration=True)
             pose = _pose_of(result, place)
             if pose is None:
                 reason = reason or result.reason or str(result.status)
@@ -142,14 +145,14 @@ def _photograph(levels: FloatArray) -> Image:
 def _pose_of(result: ImageResult, place: PlacedTarget) -> PosePrediction | None:
     """Return the pose of the target in a picture; None where it was not measured."""
     if result.boards:
-        return _of_board(result.boards[0], place)
+        return _of_board(result.boards[0], result.circles, place)
     whole = [c for c in result.circles if c.candidates and Flag.LONE_CIRCLE not in c.flags]
     if result.status is not Status.OK or not whole:
         return None
-    return _of_circle(whole[0], place)
+    return _of_circle(whole[0], result.circles, place)
 
 
-def _of_circle(circle: CircleResult, place: PlacedTarget) -> PosePrediction:
+def _of_circle(circle: CircleResult, every: Sequence[CircleResult], place: PlacedTarget) -> PosePrediction:
     normals = np.stack([candidate.normal for candidate in circle.candidates])
     true = int(np.argmax(normals @ place.normal))
     best = circle.candidates[true]
@@ -157,13 +160,13 @@ def _of_circle(circle: CircleResult, place: PlacedTarget) -> PosePrediction:
         best.covariance,
         _shares(best),
         None,
-        _log_odds(circle.ambiguity, len(normals), is_chosen=true == circle.chosen),
+        _excess(every, true),
         _apart_deg(normals),
         circle.flags,
     )
 
 
-def _of_board(board: BoardResult, place: PlacedTarget) -> PosePrediction:
+def _of_board(board: BoardResult, every: Sequence[CircleResult], place: PlacedTarget) -> PosePrediction:
     part = place.part
     normals = np.stack([pose.rotation[:, 2] for pose in board.candidates])
     # A layout's roll may be any of its symmetries; all of its axes but z turn with it.
@@ -184,7 +187,7 @@ def _of_board(board: BoardResult, place: PlacedTarget) -> PosePrediction:
         covariance,
         (camera, radius),
         math.degrees(math.sqrt(max(roll, 0.0))),
-        _log_odds(board.ambiguity, len(normals), is_chosen=true == board.chosen),
+        _excess(every, true),
         _apart_deg(normals),
         board.flags,
     )
@@ -212,12 +215,26 @@ def _shares(candidate: Candidate) -> tuple[float, float]:
     return camera, radius
 
 
-def _log_odds(ambiguity: float, number: int, *, is_chosen: bool) -> float | None:
-    """Return the log odds of the true candidate, by the probability that the chosen one is wrong."""
-    if number < 2:
-        return None
-    odds = math.log1p(-min(ambiguity, 1.0 - 1e-300)) - math.log(max(ambiguity, 1e-300))
-    return odds if is_chosen else -odds
+def _excess(circles: Sequence[CircleResult], true: int) -> float | None:
+    """Return by how much the other candidate misfits the rims of a target more than the true one."""
+    excess = [
+        _misfit(circle, 1 - true) - _misfit(circle, true)
+        for circle in circles
+        if len(circle.candidates) == 2
+        and circle.cone is not None
+        and circle.cone.modes_covariance is not None
+        and Flag.NOT_IN_POSE not in circle.flags
+    ]
+    return sum(excess) if excess else None
+
+
+def _misfit(circle: CircleResult, number: int) -> float:
+    """Return the misfit of a candidate to the measured rim, chi-square."""
+    assert circle.cone is not None
+    assert circle.cone.modes_covariance is not None
+    pose = circle.candidates[number]
+    modes = circle.cone.modes_of(pose.center, pose.normal, circle.radius_mm)
+    return float(modes @ np.linalg.solve(circle.cone.modes_covariance, modes))
 
 
 def _apart_deg(normals: FloatArray) -> float:
@@ -234,9 +251,10 @@ def _major_px(place: PlacedTarget, camera: Camera) -> float:
 
 def _expected(view: View, poses: Sequence[PosePrediction], pictures: int, reason: str, major_px: float) -> Prediction:
     """Return the mean over the pictures of a view."""
-    known = [pose.covariance for pose in poses if pose.covariance is not None]
-    covariance = np.mean(known, axis=0) if known else None
-    odds = [pose.log_odds for pose in poses if pose.log_odds is not None]
+    known = sorted((pose.covariance for pose in poses if pose.covariance is not None), key=_position_variance)
+    # In one of the pictures a rim may be lost.
+    covariance = known[(len(known) - 1) // 2] if known else None
+    excess = [pose.excess for pose in poses if pose.excess is not None]
     rolls = [pose.roll_deg for pose in poses if pose.roll_deg is not None]
     camera, radius = np.mean([pose.shares for pose in poses], axis=0) if poses else (0.0, 0.0)
     flags = {flag for pose in poses for flag in pose.flags}
@@ -250,13 +268,17 @@ def _expected(view: View, poses: Sequence[PosePrediction], pictures: int, reason
         sigma_roll_deg=float(np.sqrt(np.mean(np.square(rolls)))) if rolls else None,
         camera_share=float(camera),
         radius_share=float(radius),
-        wrong=_chance_of_wrong(odds) if odds else None,
+        wrong=_chance_of_wrong(excess) if excess else None,
         apart_deg=float(np.mean([pose.apart_deg for pose in poses])) if poses else 0.0,
         flags=tuple(flag for flag in Flag if flag in flags),
     )
 
 
-def _chance_of_wrong(log_odds: Sequence[float]) -> float:
-    """Return the probability that the wrong one of two poses is chosen, from log odds in pairs of pictures."""
-    d = math.sqrt(2.0 * max(float(np.mean(log_odds)), 0.0))
+def _position_variance(covariance: FloatArray) -> float:
+    return float(np.trace(covariance[:3, :3]))
+
+
+def _chance_of_wrong(excess: Sequence[float]) -> float:
+    """Return the probability that the wrong one of two poses is chosen, from their misfits in pairs of pictures."""
+    d = math.sqrt(max(float(np.mean(excess)), 0.0))
     return 0.5 * math.erfc(d / (2.0 * math.sqrt(2.0)))

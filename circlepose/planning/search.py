@@ -16,6 +16,8 @@ PLACES = {"middle": (0.0, 0.0), "right": (0.8, 0.0), "bottom": (0.0, 0.8), "corn
 """Places in the image, from its middle as shares of half its width and height."""
 _TOLERANCE = 1.01
 """Ratio to which a search goes."""
+_COARSE = 12
+"""First steps of a search."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,14 +91,20 @@ def smallest(
 def _last(
     at: Callable[[float], Prediction], between: tuple[float, float], wanted: Wanted
 ) -> tuple[float, Prediction] | None:
-    """Return the last value of an interval that is as accurate as wanted, by halving its ratio."""
-    low, high = between
-    best, end = at(low), at(high)
-    if wanted.holds(end):
-        return high, end
-    if not wanted.holds(best):
+    """Return the last value of an interval that is as accurate as wanted; None where none is.
+
+    From its end in coarse steps, as the first values may fail, too: a target close by is not whole in the image.
+    """
+    high: float | None = None
+    for value in reversed(steps(*between, _COARSE, are_ratios=True)):
+        found = at(value)
+        if wanted.holds(found):
+            break
+        high = value
+    else:
         return None
-    while high / low > _TOLERANCE:
+    low, best = value, found
+    while high is not None and high / low > _TOLERANCE:
         middle = (low * high) ** 0.5
         found = at(middle)
         if wanted.holds(found):

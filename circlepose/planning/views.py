@@ -10,7 +10,7 @@ import numpy as np
 from circlepose._typing import FloatArray
 from circlepose.boards.pose import rotation_between
 from circlepose.camera.camera import Camera, circle_contour
-from circlepose.errors import UsageError
+from circlepose.errors import SceneError, UsageError
 from circlepose.geometry.cone import plane_basis
 from circlepose.synthesis.scene import BoardPart, CoaxialPart, Disc, Paint, Rings, Scene, TargetPart
 from circlepose.targets.board import BoardLayout
@@ -69,30 +69,30 @@ class PlacedTarget:
     """(3,) unit, towards the camera"""
 
 
-def placed(target: Target, camera: Camera, view: View, look: Look) -> PlacedTarget:
-    """Return a target in a view, painted for a look; a part of two heights as a boss.
+def placed(target: Target, camera: Camera, view: View, look: Look) -> PlacedTarget | str:
+    """Return a target in a view, painted for a look; a part of two heights as a boss. Or why it cannot be seen so.
 
-    Raises
-    ------
-    UsageError
-        Where the lens does not see that far aside, or the height of a coaxial part is not known.
+    Raises `UsageError` where the height of a coaxial part is not known.
     """
     ray = camera.rays(np.array([view.place_px]))[0]
     if not np.all(np.isfinite(ray)):
-        raise UsageError(f"place: the lens model does not reach px ({view.place_px[0]:.0f}, {view.place_px[1]:.0f}).")
+        return f"the lens model does not reach px ({view.place_px[0]:.0f}, {view.place_px[1]:.0f})"
     sight = ray / np.linalg.norm(ray)
     lean = np.stack(plane_basis(-sight)).T @ [math.cos(_AZIMUTH), math.sin(_AZIMUTH)]
     tilt = math.radians(view.tilt_deg)
     normal = -math.cos(tilt) * sight + math.sin(tilt) * lean
     middle = view.distance_mm * sight
     ground = Paint(127.5 + 0.5 * _sign(target) * look.contrast_levels)
-    return PlacedTarget(_part(target, middle, normal, look), ground, middle, normal)
+    try:
+        return PlacedTarget(_part(target, middle, normal, look), ground, middle, normal)
+    except SceneError as error:
+        return str(error).rstrip(".")
 
 
-def picture_of(place: PlacedTarget, camera: Camera, look: Look) -> Scene:
+def picture_of(place: PlacedTarget, camera: Camera, look: Look) -> Scene | str:
     """Return the scene around a target, without noise: the part of the image that holds it, by the same camera.
 
-    Raises `UsageError` where nothing of the target is in the image.
+    Or why there is none.
     """
     assert camera.image_size is not None
     circles = place.part.circles
@@ -100,7 +100,7 @@ def picture_of(place: PlacedTarget, camera: Camera, look: Look) -> Scene:
     rims = rims[np.isfinite(rims).all(axis=1)]
     size = np.array(camera.image_size)
     if not len(rims) or np.any(rims.max(axis=0) < 0.0) or np.any(rims.min(axis=0) > size - 1.0):
-        raise UsageError("place: nothing of the target is in the image; take another place or distance.")
+        return "nothing of the target is in the image"
     low, high = rims.min(axis=0), rims.max(axis=0)
     margin = _MARGIN_PX + _MARGIN_BLURS * look.blur_px + _MARGIN_SHARE * float(np.max(high - low))
     first = np.maximum(np.floor(low - margin), 0.0)
