@@ -39,8 +39,8 @@ class PosePrediction:
 
     covariance: FloatArray | None
     """(5, 5) of the middle (mm^2) and two tilts (rad^2), as `Candidate.covariance`; None where none is reported"""
-    shares: tuple[float, float]
-    """of the camera's and of the radius' term in the variance of the position"""
+    shares: tuple[float, float] | None
+    """of the camera's and of the radius' term in the variance of the position; None where none is reported"""
     roll_deg: float | None
     """standard deviation of the rotation about the normal, of a board"""
     excess: float | None
@@ -58,23 +58,24 @@ class Prediction:
     found: float
     """share of the pictures in which the target was measured"""
     reason: str
-    """why it was not, of the first in which it was not"""
-    major_px: float
-    """full major axis of the largest circle's image"""
+    """why it was not, of the first in which it was not; or why no standard deviation is known"""
+    major_px: float | None
+    """full major axis of the largest circle's image; None where the camera does not see it"""
     sigma_mm: FloatArray | None
     """(3,) standard deviations of the middle along the camera's x, y and z; None where none is reported"""
     sigma_normal_deg: float | None
     """of the normal's direction: root of the sum of both tilts' variances"""
     sigma_roll_deg: float | None
     """of the rotation about the normal, of a board"""
-    camera_share: float
-    """of the camera's errors in the variance of the position"""
-    radius_share: float
+    camera_share: float | None
+    """of the camera's errors in the variance of the position; None where none is reported"""
+    radius_share: float | None
     """of the radius' error in it"""
     wrong: float | None
-    """probability that the wrong one of two poses is chosen; None where there is one"""
-    apart_deg: float
-    """angle between the normals of both"""
+    """probability that the rims alone choose the wrong one of two poses; None where there is one, or no gray levels
+    could be fitted"""
+    apart_deg: float | None
+    """angle between the normals of both, 0 where there is one; None where none was measured"""
     flags: tuple[Flag, ...] = ()
 
     @property
@@ -121,7 +122,7 @@ def predict(camera: Camera, target: Target, view: View, look: Look = USUAL, *, p
     place = placed(one, camera, view, look)
     scene = place if isinstance(place, str) else picture_of(place, camera, look)
     if isinstance(place, str) or isinstance(scene, str):
-        return _expected(view, (), 1, str(scene), 0.0)
+        return _expected(view, (), 1, str(scene), None)
     clean = render_float(scene, _OVERSAMPLING)
     poses, reason = [], ""
     for seed in range(pairs):
@@ -204,7 +205,9 @@ def _to_middle(pose: BoardPose, middle: FloatArray, normal: FloatArray) -> Float
     return chain
 
 
-def _shares(candidate: Candidate) -> tuple[float, float]:
+def _shares(candidate: Candidate) -> tuple[float, float] | None:
+    if candidate.covariance is None:
+        return None
     terms = candidate.covariance_terms
     if terms is None:
         return 0.0, 0.0
@@ -243,20 +246,26 @@ def _apart_deg(normals: FloatArray) -> float:
     return math.degrees(2.0 * math.asin(min(1.0, 0.5 * float(np.linalg.norm(normals[0] - normals[1])))))
 
 
-def _major_px(place: PlacedTarget, camera: Camera) -> float:
+def _major_px(place: PlacedTarget, camera: Camera) -> float | None:
     largest = max(place.part.circles, key=lambda circle: circle.radius)
     rim = camera.project(circle_points(largest.center, largest.normal, largest.radius, 90))
-    return float(np.nanmax(np.linalg.norm(rim[:45] - rim[45:], axis=1)))
+    lengths = np.linalg.norm(rim[:45] - rim[45:], axis=1)
+    return float(np.nanmax(lengths)) if np.isfinite(lengths).any() else None
 
 
-def _expected(view: View, poses: Sequence[PosePrediction], pictures: int, reason: str, major_px: float) -> Prediction:
+def _expected(
+    view: View, poses: Sequence[PosePrediction], pictures: int, reason: str, major_px: float | None
+) -> Prediction:
     """Return the mean over the pictures of a view."""
     known = sorted((pose.covariance for pose in poses if pose.covariance is not None), key=_position_variance)
     # In one of the pictures a rim may be lost.
     covariance = known[(len(known) - 1) // 2] if known else None
+    if poses and not known:
+        reason = reason or "measured from edges alone, which say nothing of its accuracy"
     excess = [pose.excess for pose in poses if pose.excess is not None]
     rolls = [pose.roll_deg for pose in poses if pose.roll_deg is not None]
-    camera, radius = np.mean([pose.shares for pose in poses], axis=0) if poses else (0.0, 0.0)
+    shares = [pose.shares for pose in poses if pose.shares is not None]
+    camera, radius = np.mean(shares, axis=0).tolist() if shares else (None, None)
     flags = {flag for pose in poses for flag in pose.flags}
     return Prediction(
         view=view,
@@ -266,10 +275,10 @@ def _expected(view: View, poses: Sequence[PosePrediction], pictures: int, reason
         sigma_mm=None if covariance is None else np.sqrt(covariance.diagonal()[:3]),
         sigma_normal_deg=None if covariance is None else math.degrees(math.sqrt(covariance[3, 3] + covariance[4, 4])),
         sigma_roll_deg=float(np.sqrt(np.mean(np.square(rolls)))) if rolls else None,
-        camera_share=float(camera),
-        radius_share=float(radius),
+        camera_share=camera,
+        radius_share=radius,
         wrong=_chance_of_wrong(excess) if excess else None,
-        apart_deg=float(np.mean([pose.apart_deg for pose in poses])) if poses else 0.0,
+        apart_deg=float(np.mean([pose.apart_deg for pose in poses])) if poses else None,
         flags=tuple(flag for flag in Flag if flag in flags),
     )
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from itertools import product
 
 from circlepose.camera.camera import Camera
 from circlepose.errors import UsageError
@@ -16,8 +16,8 @@ PLACES = {"middle": (0.0, 0.0), "right": (0.8, 0.0), "bottom": (0.0, 0.8), "corn
 """Places in the image, from its middle as shares of half its width and height."""
 _TOLERANCE = 1.01
 """Ratio to which a search goes."""
-_COARSE = 12
-"""First steps of a search."""
+_COARSE = 1.3
+"""Ratio of the first steps of a search; where only less than a step is as accurate as wanted it may be missed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,14 +33,6 @@ class Wanted:
         return prediction.found == 1.0 and all(
             most is None or (sigma is not None and sigma <= most) for most, sigma in pairs
         )
-
-
-def views(
-    camera: Camera, distances_mm: Sequence[float], tilts_deg: Sequence[float], places: Sequence[str]
-) -> Iterator[View]:
-    """Yield the views of all combinations: place by place, within these tilt by tilt, and the distances of each."""
-    for place, tilt, distance in product(places, tilts_deg, distances_mm):
-        yield View(distance, tilt, place_px(camera, place))
 
 
 def place_px(camera: Camera, place: str) -> tuple[float, float]:
@@ -96,7 +88,8 @@ def _last(
     From its end in coarse steps, as the first values may fail, too: a target close by is not whole in the image.
     """
     high: float | None = None
-    for value in reversed(steps(*between, _COARSE, are_ratios=True)):
+    number = 1 + math.ceil(math.log(between[1] / between[0]) / math.log(_COARSE))
+    for value in reversed(steps(*between, number, are_ratios=True)):
         found = at(value)
         if wanted.holds(found):
             break

@@ -19,6 +19,8 @@ from circlepose.targets.target import Target
 _AZIMUTH = math.radians(30.0)
 """Direction in which the normal leans from the line of sight: along no axis of the pixels."""
 _X = np.array([1.0, 0.0, 0.0])
+_MOST_BLUR_PX = 30.0
+"""No circle is measured in more, and pictures of more take long."""
 _MARGIN_PX, _MARGIN_SHARE, _MARGIN_BLURS = 24.0, 0.25, 8.0
 """Of the picture around the target: px, of its extent, and of the blur; the fit looks no farther."""
 
@@ -37,9 +39,10 @@ class Look:
     def __post_init__(self) -> None:
         if not 0.0 < self.contrast_levels <= 255.0:
             raise UsageError(f"contrast: expected gray levels above 0 and up to 255, got {self.contrast_levels:g}.")
-        for name, value in (("noise", self.noise_levels), ("blur_px", self.blur_px)):
-            if not 0.0 <= value < math.inf:
-                raise UsageError(f"{name}: expected a number of 0 or more, got {value:g}.")
+        if not 0.0 <= self.noise_levels < math.inf:
+            raise UsageError(f"noise: expected gray levels of 0 or more, got {self.noise_levels:g}.")
+        if not 0.0 <= self.blur_px <= _MOST_BLUR_PX:
+            raise UsageError(f"blur_px: expected 0 to {_MOST_BLUR_PX:g} px, got {self.blur_px:g}.")
 
 
 USUAL = Look()

@@ -21,18 +21,23 @@ def plot_plan(rows: Sequence[Planned], path: Path, *, overwrite: bool = False) -
     figure = Figure(figsize=(10.0, 5.0), layout="constrained")
     left, right = figure.subplots(1, 2)
     for (place, tilt), group in groupby(rows, key=lambda row: (row.place, row.tilt_deg)):
-        known = [row.prediction for row in group if row.prediction is not None]
+        known = [row.prediction for row in group if row.prediction is not None and row.prediction.position_mm]
+        if not known:
+            continue
         distances = [each.view.distance_mm for each in known]
         label = f"{place}, {tilt:g} deg"
-        nothing = float("nan")
-        left.plot(distances, [each.position_mm or nothing for each in known], marker=".", label=label)
-        right.plot(distances, [each.sigma_normal_deg or nothing for each in known], marker=".")
+        left.plot(distances, [each.position_mm for each in known], marker=".", label=label)
+        right.plot(distances, [each.sigma_normal_deg for each in known], marker=".")
     left.set_ylabel("standard deviation of the position, mm")
     right.set_ylabel("standard deviation of the normal, deg")
     for axes in (left, right):
         axes.set_xlabel("distance, mm")
-        axes.set_xscale("log")
-        axes.set_yscale("log")
         axes.grid(alpha=0.3, which="both")
-    figure.legend(loc="outside lower center", ncols=4, fontsize="small")
+        if axes.lines:
+            axes.set_xscale("log")
+            axes.set_yscale("log")
+        else:
+            axes.set_title("nothing to draw: see the reasons in the table", fontsize="medium")
+    if left.lines:
+        figure.legend(loc="outside lower center", ncols=4, fontsize="small")
     save_plot(figure, path, overwrite=overwrite)

@@ -26,8 +26,8 @@ from circlepose_cli.commands.estimate import estimate
 from circlepose_cli.commands.examples import EXAMPLES
 from circlepose_cli.commands.explain import explain
 from circlepose_cli.commands.inspect import inspect
-from circlepose_cli.commands.print import print_
 from circlepose_cli.commands.plan import plan
+from circlepose_cli.commands.print import print_
 from circlepose_cli.commands.render import render
 from circlepose_cli.commands.schema import schema
 from circlepose_cli.commands.statuses import statuses

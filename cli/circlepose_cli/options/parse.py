@@ -113,7 +113,7 @@ def span(option: str, text: str) -> Interval:
     low, high = (ends * 2 if len(ends) == 1 else ends) if len(ends) in (1, 2) else (math.nan, math.nan)
     if not (0.0 <= low <= high < math.inf):
         raise UsageError(
-            f"{option}: expected a number or two, LOW:HIGH with 0 <= LOW <= HIGH, such as 300:1500, got {text!r}."
+            f"{option}: expected a number or two, LOW:HIGH with 0 <= LOW <= HIGH, such as 20:60, got {text!r}."
         )
     return low, high
 

@@ -110,7 +110,7 @@ class PlanRequest:
         ),
         Parsed(parse.span),
     ] = None
-    places: Annotated[
+    place: Annotated[
         tuple[str, ...] | None,
         typer.Option(
             "--place",

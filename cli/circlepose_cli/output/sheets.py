@@ -33,7 +33,7 @@ class Sheet:
     rows: tuple[tuple[Cell, ...], ...]
     notes: tuple[str, ...]
     details: tuple[str, ...] = ()
-    """columns that a narrow table leaves out, the first of them first"""
+    """columns that a narrow table leaves out, the first of them first, and any table where they are empty"""
 
 
 def write_sheet(sheet: Sheet, asked: FormatChoice | None, path: Path | None, *, overwrite: bool = False) -> None:
@@ -57,14 +57,17 @@ def write_sheet(sheet: Sheet, asked: FormatChoice | None, path: Path | None, *, 
 def _write_table(sheet: Sheet, handle: IO[str]) -> None:
     from circlepose_cli.output.grid import Column, Grid, Row, print_grid, without_repeats  # noqa: PLC0415 - needs rich
 
+    printed = [_printed(sheet, row) for row in sheet.rows]
+    names = [*sheet.decimals]
+    kept = [i for i, name in enumerate(names) if name not in sheet.details or any(row[i] for row in printed)]
     columns = tuple(
         Column(
-            "\n".join(wrap(name.replace("_", " "), _HEADER_WIDTH, break_long_words=False)),
-            rank=len(sheet.details) - sheet.details.index(name) if name in sheet.details else 0,
+            "\n".join(wrap(names[i].replace("_", " "), _HEADER_WIDTH, break_long_words=False)),
+            rank=len(sheet.details) - sheet.details.index(names[i]) if names[i] in sheet.details else 0,
         )
-        for name in sheet.decimals
+        for i in kept
     )
-    rows = [Row(tuple(shown or "--" for shown in _printed(sheet, row))) for row in sheet.rows]
+    rows = [Row(tuple(row[i] or "--" for i in kept)) for row in printed]
     print_grid(handle, Grid(columns, without_repeats(rows, 1)))
     width = width_of(handle) or _NOTE_WIDTH
     for note in sheet.notes:

@@ -9,6 +9,7 @@ from circlepose.planning.predict import Planned
 from circlepose.planning.search import Wanted
 from circlepose.planning.views import Look
 from circlepose.targets.target import Target
+from circlepose_cli.options.plan import Sought
 from circlepose_cli.output.sheets import Cell, Sheet
 
 COLUMNS = {
@@ -33,20 +34,36 @@ COLUMNS = {
     "flags": 0,
     "reason": 0,
 }
-_DETAILS = ("u_px", "v_px", "apart_deg", "reason", "sigma_x_mm", "sigma_y_mm", "sigma_z_mm", "sigma_roll_deg")
+_DETAILS = (
+    "u_px",
+    "v_px",
+    "apart_deg",
+    "sigma_x_mm",
+    "sigma_y_mm",
+    "sigma_z_mm",
+    "sigma_roll_deg",
+    "radius_share",
+    "camera_share",
+    "flags",
+    "major_px",
+    "reason",
+)
+_SOUGHT = {Sought.DISTANCE: "farthest distance of the range", Sought.RADIUS: "smallest radius"}
 
 
-def plan_sheet(rows: Sequence[Planned], camera: Camera, target: Target, look: Look, wanted: Wanted | None) -> Sheet:
-    """Return the sheet of a plan; `wanted` is the accuracy that was sought, if any."""
-    return Sheet("plan", COLUMNS, tuple(map(_cells, rows)), tuple(_notes(camera, target, look, wanted)), _DETAILS)
+def plan_sheet(
+    rows: Sequence[Planned], camera: Camera, target: Target, look: Look, search: tuple[Sought, Wanted] | None
+) -> Sheet:
+    """Return the sheet of a plan; `search` is what was sought for which accuracy, if anything."""
+    return Sheet("plan", COLUMNS, tuple(map(_cells, rows)), tuple(_notes(camera, target, look, search)), _DETAILS)
 
 
 def _cells(row: Planned) -> tuple[Cell, ...]:
     found = row.prediction
     if found is None:
-        reason = "not as accurate as wanted anywhere in the range"
-        head: list[Cell] = [row.place, row.tilt_deg, row.distance_mm, None]
-        return (*head, *[None] * (len(COLUMNS) - 5), reason)
+        reason = "nowhere in the range both found and as accurate as wanted"
+        head: list[Cell] = [row.place, row.tilt_deg, row.distance_mm]
+        return (*head, *[None] * (len(COLUMNS) - len(head) - 2), "", reason)
     sigma = (None,) * 3 if found.sigma_mm is None else tuple(found.sigma_mm.tolist())
     return (
         row.place,
@@ -69,22 +86,21 @@ def _cells(row: Planned) -> tuple[Cell, ...]:
     )
 
 
-def _notes(camera: Camera, target: Target, look: Look, wanted: Wanted | None) -> list[str]:
+def _notes(camera: Camera, target: Target, look: Look, search: tuple[Sought, Wanted] | None) -> list[str]:
     notes = [
         f"Noise {look.noise_levels:g} levels, blur {look.blur_px:g} px, contrast {look.contrast_levels:g} levels.",
         "sigma_*: standard deviations as estimate reports them. wrong: probability that the wrong one of two poses "
         "is chosen. found: share of the pictures in which the target was measured. camera_share, radius_share: of "
         "the variance of the position.",
     ]
-    if wanted is not None:
+    if search is not None:
+        sought, wanted = search
         parts = [
             f"{value:g} {unit}"
             for value, unit in ((wanted.position_mm, "mm"), (wanted.normal_deg, "deg"))
             if value is not None
         ]
-        notes.append(
-            f"Wanted: {' and '.join(parts)}; each row is the farthest distance, or the smallest radius, for it."
-        )
+        notes.append(f"Wanted: {' and '.join(parts)}; each row is the {_SOUGHT[sought]} for it.")
     if camera.sigma == EXACT:
         notes.append("The camera is taken as exact: give --camera-sigma to have its errors counted.")
     if target.radius_sigma_mm == 0.0:

@@ -43,7 +43,7 @@ def run(request: PlanRequest) -> int:
             f"--tilt-deg: expected angles below 90, got {tilts[1]:g}; at 90 a circle is seen from its edge."
         )
     _check_outputs(request)
-    places = request.places or ("middle",)
+    places = request.place or ("middle",)
     asked = [(place, tilt) for place in places for tilt in steps(*tilts, request.steps)]
     distances = steps(*request.distance_mm, request.steps, are_ratios=True)
     sought = request.find or Sought.DISTANCE
@@ -70,7 +70,7 @@ def run(request: PlanRequest) -> int:
         from circlepose.reporting.plan_plot import plot_plan  # noqa: PLC0415 - needs matplotlib
 
         plot_plan(rows, request.plot, overwrite=request.overwrite)
-    sheet = plan_sheet(rows, camera, target, look, wanted if is_search else None)
+    sheet = plan_sheet(rows, camera, target, look, (sought, wanted) if is_search else None)
     write_sheet(sheet, request.output_format, request.output, overwrite=request.overwrite)
     if is_search and not any(row.prediction for row in rows):
         print("circlepose: no view is as accurate as wanted.", file=sys.stderr)
@@ -89,6 +89,10 @@ def _camera(request: PlanRequest) -> Camera:
         camera = replace(camera, image_size=camera.image_size or request.image_size)
         if camera.image_size is None:
             raise UsageError(f"{request.calib}: states no image size; give --image-size WxH.")
+    elif request.camera_name is not None:
+        raise UsageError(
+            "--camera-name: names a camera of a calibration file; give it with --calib, or leave it out."
+        )
     elif None in lens:
         raise UsageError("camera: give --calib FILE, or all of --focal-mm, --pixel-um and --image-size.")
     else:
