@@ -61,6 +61,19 @@ COMMANDS = {
     "circlepose.explain/1": ["explain", "-q", "{ring}", "--radius-sigma-mm", "0.1", "--format", "json"],
     "circlepose.inspection/1": ["inspect", "{ring}", "--format", "json"],
     "circlepose.camera/1": ["camera", "{camera}", "--format", "json"],
+    "circlepose.plan/1": [
+        "plan",
+        "--calib",
+        "{imgs}/camera.yaml",
+        "--target",
+        "{imgs}/target.yaml",
+        "--distance-mm",
+        "200",
+        "--tilt-deg",
+        "30",
+        "--format",
+        "json",
+    ],
     "circlepose.study.gcc/1": ["study", "gcc", "--scenes", "1", "--format", "json"],
     "circlepose.study.noise/1": ["study", "noise", "--repeats", "2", "--format", "json"],
     "circlepose.study.table1/1": ["study", "table1", "--format", "json"],
@@ -147,7 +160,8 @@ def test_every_id_in_the_program_has_a_schema():
     )
     literal = {part.split('"')[0] for part in source.split('"circlepose.')[1:] if part.split('"')[0].endswith("/1")}
     written = {f"circlepose.{name}" for name in literal if "{" not in name}
-    assert written == set(NAMES) - {name for name in NAMES if ".table" in name or ".study." in name}
+    sheets = ("circlepose.table", "circlepose.study.", "circlepose.plan/")
+    assert written == {name for name in NAMES if not name.startswith(sheets)}
     assert {f"circlepose.{layout}/1" for layout in LAYOUTS} <= set(NAMES)
 
 
