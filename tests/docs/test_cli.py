@@ -137,6 +137,22 @@ views:
 """
 
 
+def test_the_sample_of_plan_is_what_a_terminal_shows(manual, capsys, monkeypatch):
+    (typed, shown) = re.search(
+        r"^```console\n\$ circlepose (plan .*?)\n(.*?)^```$", manual, re.DOTALL | re.MULTILINE
+    ).groups()
+    for module in ("screen", "sheets"):
+        monkeypatch.setattr(f"circlepose_cli.output.{module}.width_of", lambda _: 100)
+    assert main([*typed.split(), "--format", "table"]) == 0
+    printed = capsys.readouterr().out
+    # The last digits are the platform's.
+    number = re.compile(r"\b\d+\.\d+\b")
+    assert number.sub("N", printed) == number.sub("N", shown)
+    assert list(map(float, number.findall(printed))) == pytest.approx(
+        list(map(float, number.findall(shown))), rel=0.02, abs=0.011
+    )
+
+
 def test_render_makes_what_estimate_measures(capsys, tmp_path):
     (tmp_path / "scene.yaml").write_text(SCENE)
     assert main(["render", str(tmp_path / "scene.yaml"), "-o", str(tmp_path / "out")]) == 0

@@ -10,6 +10,7 @@ import typer.main
 
 from circlepose.batch.measure import DEFAULT_TIMEOUT_S, IN_PROCESS_MOST
 from circlepose.io.scenes.reader import _View
+from circlepose.planning.views import USUAL
 from circlepose.targets.hints import NORMAL_SPREAD_DEG, UP_SPREAD_DEG
 from circlepose.targets.lengths import MAX_RADII
 from circlepose.targets.target import FLATNESS_SHARE, Target
@@ -33,7 +34,7 @@ def default(command, name):
     return option(command, name).default
 
 
-CHECK, ESTIMATE = COMMANDS["check"], COMMANDS["estimate"]
+CHECK, ESTIMATE, PLAN = COMMANDS["check"], COMMANDS["estimate"], COMMANDS["plan"]
 STATED = [
     ("cli.md", r"`--timeout SECONDS` \| time for one image, ([\d.]+) s by default", DEFAULT_TIMEOUT_S),
     ("cli.md", r"`--jobs N` \|.* by default one a core, for more than (\d+) images", IN_PROCESS_MOST),
@@ -47,6 +48,10 @@ STATED = [
     ("cli.md", r"`--repeats N` \|.*\(default (\d+)", default(STUDIES["noise"], "--repeats")),
     ("cli.md", r"`--scenes N` \|.*\(default (\d+)", default(STUDIES["gcc"], "--scenes")),
     ("cli.md", r"`--seed N` \|.*\(default (\d+)", default(STUDIES["noise"], "--seed")),
+    ("cli.md", r"`--steps N` \|.*\(default (\d+)", default(PLAN, "--steps")),
+    ("cli.md", r"`--noise LEVELS` \|.*\(default ([\d.]+)", USUAL.noise_levels),
+    ("cli.md", r"`--blur-px PX` \|.*\(default ([\d.]+)", USUAL.blur_px),
+    ("cli.md", r"`--contrast LEVELS` \|.*\(default ([\d.]+)", USUAL.contrast_levels),
     ("file-formats.md", r"a `spread_deg` of ([\d.]+) \(the default\)", NORMAL_SPREAD_DEG),
     ("file-formats.md", r"`normal_hint` \|.*spread_deg: ([\d.]+)\}", NORMAL_SPREAD_DEG),
     ("file-formats.md", r"`up_hint` \|.*spread_deg: ([\d.]+)\}", UP_SPREAD_DEG),
