@@ -95,23 +95,40 @@ def print_target(
     OutputError
         Where a file is there that circlepose did not write, or that was edited, unless `overwrite`.
     """
+    require_form(output)
+    drawn, scale = read_drawn_target(target_path)
+    try:
+        return print_drawn(drawn, output, options, name=Path(target_path).name, source=Path(target_path), scale=scale)
+    except TargetError as error:
+        raise TargetError(f"{os.fspath(target_path)}: {error}") from None
+
+
+def require_form(output: str | os.PathLike[str]) -> None:
+    """Raise `UsageError` for a sheet whose ending is not known, or needs a package that is missing."""
+    _REQUIRE[_form_of(Path(output))]()
+
+
+def print_drawn(
+    drawn: Target,
+    output: str | os.PathLike[str],
+    options: PrintOptions | None = None,
+    *,
+    name: str,
+    source: Path | None = None,
+    scale: PrintScale | None = None,
+) -> Printed:
+    """Draw a target as `print_target` does; `name` is what the sheet calls it, `source` the file that it is from."""
     options = options or PrintOptions()
     path = Path(output)
     form = _form_of(path)
-    _REQUIRE[form]()
-    drawn, scale = read_drawn_target(target_path)
     remarks: list[str] = []
-    name = Path(target_path).name
     target = _as_printed(drawn, options, remarks)
     is_dark_on_light = target.polarity == "dark"
     target_file = path.with_suffix(".yaml")
     mapping = _in_lines(target_to_mapping(target))
     copies = options.copies or target.count or 1
     factors = (1.0, 1.0) if scale is None else (1.0 / scale.x, 1.0 / scale.y)
-    try:
-        figure = figure_of(target, copies if target.layout is None else None)
-    except TargetError as error:
-        raise TargetError(f"{os.fspath(target_path)}: {error}") from None
+    figure = figure_of(target, copies if target.layout is None else None)
     sheet = lay_out(
         figure,
         small_print(
@@ -125,7 +142,7 @@ def print_target(
     remarks += _about(sheet, scale, target, copies)
     title = plain_letters(f"{name}: {described(target, copies)}, circlepose {__version__}")
     documents = _documents(sheet, form, path, title)
-    _check_places([*documents, target_file], Path(target_path), target_file, options)
+    _check_places([*documents, target_file], source, target_file, options)
     for place, content in documents.items():
         with atomic_writer(place, binary=True, overwrite=options.overwrite) as handle:
             handle.write(content)
@@ -245,7 +262,7 @@ def _documents(sheet: Sheet, form: Form, path: Path, title: str) -> dict[Path, b
     }
 
 
-def _check_places(places: Sequence[Path], source: Path, target_file: Path, options: PrintOptions) -> None:
+def _check_places(places: Sequence[Path], source: Path | None, target_file: Path, options: PrintOptions) -> None:
     """Refuse, before anything is written, what must not be replaced."""
     Outputs(places).refuse(source, "the target")
     for place in places:

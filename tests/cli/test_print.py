@@ -337,3 +337,37 @@ def test_odd_names_do_no_harm(run, tmp_path, target, form):
     assert read_target(tmp_path / "sheet.yaml").layout.names[0] == "\a <&> ö"
     if form == "svg":
         ElementTree.parse(tmp_path / "sheet.svg")
+
+
+def test_a_board_is_suggested_for_a_camera_and_a_paper(run, tmp_path):
+    camera = tmp_path / "cam.yaml"
+    camera.write_text("camera_matrix: [[500, 0, 159.5], [0, 500, 119.5], [0, 0, 1]]\nimage_size: [320, 240]\n")
+    sheet = tmp_path / "board.svg"
+    asked = ("print", "--suggest", "--paper", "A5", "--calib", camera, "--distance-mm", "300:500")
+    code, out, err = run(*asked, "-o", sheet)
+    assert code == 0, err
+    assert out.splitlines() == [str(sheet), str(tmp_path / "board.yaml")]
+    assert "circles of radius" in err
+    assert "boards that fit" in err
+    target = read_target(tmp_path / "board.yaml")
+    assert target.kind == "board"
+    assert len(target.layout) >= 4
+
+
+@pytest.mark.parametrize(
+    ("args", "message"),
+    [
+        (["--suggest"], "--suggest: needs --calib FILE, --distance-mm A:B and --paper SIZE."),
+        ([], "TARGET.yaml: is missing; give the target file to print, or --suggest."),
+        (["t.yaml", "--suggest"], "TARGET.yaml, --suggest: give one of them."),
+        (["t.yaml", "--distance-mm", "3"], "--calib, --distance-mm: go with --suggest;"),
+        (
+            ["--suggest", "--calib", "c.yaml", "--distance-mm", "0", "--paper", "A4"],
+            "--distance-mm: expected distances",
+        ),
+    ],
+)
+def test_what_goes_with_a_suggestion(run, tmp_path, args, message):
+    code, out, err = run("print", *args, "-o", tmp_path / "s.svg")
+    assert (code, out) == (2, "")
+    assert message in err

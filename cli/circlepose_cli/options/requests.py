@@ -311,7 +311,35 @@ class CheckRequest:
 class PrintRequest:
     """Options of `circlepose print`."""
 
-    target: Annotated[Path, typer.Argument(metavar="TARGET.yaml", help="Target file to print.", show_default=False)]
+    target: Annotated[
+        Path | None,
+        typer.Argument(metavar="[TARGET.yaml]", help="Target file to print, unless --suggest.", show_default=False),
+    ] = None
+    suggest: Annotated[
+        bool,
+        typer.Option(
+            "--suggest",
+            help="Print the board that measures best on --paper, seen by --calib at --distance-mm.",
+            rich_help_panel=Group.WANTED,
+        ),
+    ] = False
+    calib: Annotated[
+        Path | None,
+        typer.Option(
+            "--calib", metavar="FILE", help="With --suggest: calibration file.", rich_help_panel=Group.WANTED
+        ),
+    ] = None
+    camera_name: declared.CameraName = None
+    distance_mm: Annotated[
+        parse.Interval | None,
+        typer.Option(
+            "--distance-mm",
+            metavar="A[:B]",
+            help="With --suggest: distance of the board, or the nearest and the farthest one.",
+            rich_help_panel=Group.WANTED,
+        ),
+        Parsed(parse.span),
+    ] = None
     output: Annotated[
         Path,
         typer.Option(

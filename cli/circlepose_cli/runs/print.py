@@ -5,10 +5,19 @@ from __future__ import annotations
 import shlex
 import sys
 
-from circlepose.io.sheet_files import Printed, PrintOptions, print_target
+from circlepose.errors import UsageError
+from circlepose.io.calibration.reader import read_camera_file
+from circlepose.io.output_conflicts import Outputs
+from circlepose.io.sheet_files import Printed, PrintOptions, print_drawn, print_target, require_form
 from circlepose.io.text.escaping import printable, quoted
 from circlepose.sheets.paper import paper_mm
+from circlepose_cli.console.following import followed
 from circlepose_cli.options.requests import PrintRequest
+
+_FURNITURE_MM = (36.0, 72.0)
+"""Width and height of a page beside the circles: margins, bars, small print and code."""
+MOST_PROPOSALS = 18
+"""of `planning.suggest`, for the bar"""
 
 
 def run(request: PrintRequest) -> int:
@@ -21,13 +30,46 @@ def run(request: PrintRequest) -> int:
         code=request.code,
         overwrite=request.overwrite,
     )
-    printed = print_target(request.target, request.output, options)
+    printed = _suggested(request, options) if request.suggest else _printed(request, options)
     for path in (*printed.sheets, printed.target_file):
         print(quoted(str(path)))
     if not request.quiet:
         for line in (*printed.remarks, *_next(printed)):
             print(printable(line), file=sys.stderr)
     return 0
+
+
+def _printed(request: PrintRequest, options: PrintOptions) -> Printed:
+    if request.calib is not None or request.distance_mm is not None:
+        raise UsageError("--calib, --distance-mm: go with --suggest; a target file is printed as it is.")
+    if request.target is None:
+        raise UsageError("TARGET.yaml: is missing; give the target file to print, or --suggest.")
+    return print_target(request.target, request.output, options)
+
+
+def _suggested(request: PrintRequest, options: PrintOptions) -> Printed:
+    """Print the board that is predicted to measure best, and say why."""
+    from circlepose.planning.suggest import best_of, proposals, why  # noqa: PLC0415 - few ask for it
+
+    if request.target is not None:
+        raise UsageError("TARGET.yaml, --suggest: give one of them.")
+    if request.calib is None or request.distance_mm is None or options.paper_mm is None:
+        raise UsageError("--suggest: needs --calib FILE, --distance-mm A:B and --paper SIZE.")
+    if not request.distance_mm[0] > 0.0:
+        raise UsageError("--distance-mm: expected distances above 0.")
+    require_form(request.output)
+    camera = read_camera_file(request.calib, request.camera_name).camera
+    if camera.image_size is None:
+        raise UsageError(f"{request.calib}: states no image size; write image_size into it.")
+    Outputs([request.output, request.output.with_suffix(".yaml")]).refuse(request.calib, "the calibration")
+    width, height = options.paper_mm
+    field = (width - _FURNITURE_MM[0], height - _FURNITURE_MM[1])
+    tried = list(followed(proposals(camera, request.distance_mm, field), MOST_PROPOSALS, "predicting"))
+    best = best_of(tried)
+    if not request.quiet:
+        for line in why(best, tried, request.distance_mm):
+            print(printable(line), file=sys.stderr)
+    return print_drawn(best.target, request.output, options, name="suggested board")
 
 
 def _next(printed: Printed) -> list[str]:
