@@ -17,7 +17,7 @@ from circlepose.targets.target import Target
 _RADII_PX = (6.0, 8.0, 11.0, 15.0, 21.0, 30.0)
 """Radii, in the image at the farthest distance, that are tried; smaller ones are hardly found when tilted."""
 _SPACINGS = (3.0, 3.5, 4.0)
-"""Distances of neighbors, in radii, that are tried; closer ones are found less often (benchmarks/results/print.md)."""
+"""Distances of neighbors, in radii, that are tried; closer ones are found less often, see the page on printing."""
 _TILT_DEG = 35.0
 _LEAST, _MOST = 4, 600
 """Circles of a board: with fewer it is hardly placed where some are hidden, with more it takes long."""
