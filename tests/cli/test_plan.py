@@ -260,7 +260,7 @@ def test_a_calibration_without_a_size_takes_the_option(plan, camera):
 
 def test_help_has_examples(capsys):
     assert main(["plan", "--help"]) == 0
-    assert "--sigma-mm 0.1 --find radius" in capsys.readouterr().out
+    assert "--distance-mm 50:999 --sigma-mm 1" in capsys.readouterr().out
 
 
 def test_the_defaults_are_those_of_the_library():

@@ -35,9 +35,8 @@ circlepose print rings.yaml -o rings.dxf --light-on-dark
 circlepose print --suggest -o board.pdf --paper A4 --calib cam.yaml --distance-mm 300:800""",
     "plan": """\
 circlepose plan --calib cam.yaml --radius-mm 20 --distance-mm 300:1500
-circlepose plan --focal-mm 8 --pixel-um 3.45 --image-size 2448x2048 --target board.yaml --distance-mm 800
-circlepose plan --calib cam.yaml --radius-mm 20 --distance-mm 200:5000 --sigma-mm 0.1
-circlepose plan --calib cam.yaml --radius-mm 20 --distance-mm 800 --sigma-mm 0.1 --find radius""",
+circlepose plan --calib cam.yaml --target board.yaml --distance-mm 800
+circlepose plan --calib c.yml --radius-mm 9 --distance-mm 50:999 --sigma-mm 1""",
     "completion": """\
 circlepose completion bash >> ~/.bashrc
 circlepose completion zsh > ~/.zfunc/_circlepose

@@ -52,36 +52,9 @@ class CameraTargetOptions:
             rich_help_panel=Group.TARGET,
         ),
     ] = None
-    radius_mm: Annotated[
-        float | None,
-        typer.Option(
-            "--radius-mm",
-            metavar="R",
-            parser=parse.number_of_mm,
-            help="Look for one circle of this radius in mm (not its diameter).",
-            rich_help_panel=Group.TARGET,
-        ),
-    ] = None
-    radius_sigma_mm: Annotated[
-        float | None,
-        typer.Option(
-            "--radius-sigma-mm",
-            metavar="MM",
-            parser=parse.number_of_mm,
-            help="How well the radius is known: its standard deviation.",
-            rich_help_panel=Group.TARGET,
-        ),
-    ] = None
-    camera_sigma: Annotated[
-        tuple[float, float] | None,
-        typer.Option(
-            "--camera-sigma",
-            metavar="FOCAL_PX,CENTER_PX",
-            help="How well the camera is known: standard deviations of its focal length and principal point, in px.",
-            rich_help_panel=Group.CAMERA,
-        ),
-        Parsed(parse.camera_sigma),
-    ] = None
+    radius_mm: declared.RadiusMm = None
+    radius_sigma_mm: declared.RadiusSigmaMm = None
+    camera_sigma: declared.CameraSigma = None
     count: Annotated[
         int | Literal["all"] | None,
         typer.Option(

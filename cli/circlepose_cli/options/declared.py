@@ -14,7 +14,7 @@ import typer
 from circlepose.targets import Polarity as PolarityName
 from circlepose_cli.options.groups import Parsed
 from circlepose_cli.options.help import Group
-from circlepose_cli.options.parse import Interval, interval, positive_px, score
+from circlepose_cli.options.parse import Interval, camera_sigma, interval, number_of_mm, positive_px, score
 
 
 class FormatChoice(StrEnum):
@@ -62,6 +62,36 @@ CameraName: TypeAlias = Annotated[
         metavar="NAME",
         help="Which camera of a calibration file with several, such as cam1.",
         rich_help_panel=Group.CAMERA,
+    ),
+]
+CameraSigma: TypeAlias = Annotated[
+    tuple[float, float] | None,
+    typer.Option(
+        "--camera-sigma",
+        metavar="FOCAL_PX,CENTER_PX",
+        help="How well the camera is known: standard deviations of its focal length and principal point, in px.",
+        rich_help_panel=Group.CAMERA,
+    ),
+    Parsed(camera_sigma),
+]
+RadiusMm: TypeAlias = Annotated[
+    float | None,
+    typer.Option(
+        "--radius-mm",
+        metavar="R",
+        parser=number_of_mm,
+        help="The target is one circle of this radius in mm (not its diameter).",
+        rich_help_panel=Group.TARGET,
+    ),
+]
+RadiusSigmaMm: TypeAlias = Annotated[
+    float | None,
+    typer.Option(
+        "--radius-sigma-mm",
+        metavar="MM",
+        parser=number_of_mm,
+        help="How well the radius is known: its standard deviation.",
+        rich_help_panel=Group.TARGET,
     ),
 ]
 Polarity: TypeAlias = Annotated[

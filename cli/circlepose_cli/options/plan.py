@@ -55,40 +55,13 @@ class PlanRequest:
         ),
         Parsed(parse.size_px),
     ] = None
-    camera_sigma: Annotated[
-        tuple[float, float] | None,
-        typer.Option(
-            "--camera-sigma",
-            metavar="FOCAL_PX,CENTER_PX",
-            help="How well the camera is known: standard deviations of its focal length and principal point, in px.",
-            rich_help_panel=Group.CAMERA,
-        ),
-        Parsed(parse.camera_sigma),
-    ] = None
+    camera_sigma: declared.CameraSigma = None
     target_file: Annotated[
         Path | None,
         typer.Option("--target", metavar="FILE", help="Target file.", rich_help_panel=Group.TARGET),
     ] = None
-    radius_mm: Annotated[
-        float | None,
-        typer.Option(
-            "--radius-mm",
-            metavar="R",
-            parser=parse.number_of_mm,
-            help="One circle of this radius in mm (not its diameter).",
-            rich_help_panel=Group.TARGET,
-        ),
-    ] = None
-    radius_sigma_mm: Annotated[
-        float | None,
-        typer.Option(
-            "--radius-sigma-mm",
-            metavar="MM",
-            parser=parse.number_of_mm,
-            help="How well the radius is known: its standard deviation.",
-            rich_help_panel=Group.TARGET,
-        ),
-    ] = None
+    radius_mm: declared.RadiusMm = None
+    radius_sigma_mm: declared.RadiusSigmaMm = None
     distance_mm: Annotated[
         parse.Interval,
         typer.Option(
