@@ -32,7 +32,7 @@ circlepose camera camchain.yaml --camera-name cam1 --to opencv -o cam1.xml""",
 circlepose print target.yaml -o sheet.svg
 circlepose print board.yaml -o board.pdf --paper A4
 circlepose print rings.yaml -o rings.dxf --light-on-dark
-circlepose print --suggest -o board.pdf --paper A4 --calib cam.yaml --distance-mm 300:800""",
+circlepose print --suggest -o b.pdf --calib cam --paper A3 --distance-mm 800""",
     "plan": """\
 circlepose plan --calib cam.yaml --radius-mm 20 --distance-mm 300:1500
 circlepose plan --calib cam.yaml --target board.yaml --distance-mm 800
