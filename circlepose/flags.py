@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -108,6 +108,11 @@ FLAG_MEANING: Mapping[Flag, str] = {
     Flag.CIRCLES_MISFIT: "some circles are seen, but not where the layout or the size stated for them puts them",
     Flag.RELATIVE_TO_BOARD: "the pose is in the frame of the world board, not in that of the camera",
 }
+
+
+def in_order(flags: Collection[Flag]) -> tuple[Flag, ...]:
+    """Return flags in the order of the registry, each once."""
+    return tuple(flag for flag in Flag if flag in flags)
 
 
 class SettledBy(StrEnum):

@@ -130,7 +130,7 @@ def pose_of_plane(points_mm: FloatArray, rays: FloatArray, normal: FloatArray) -
 def rotation_of(vector: FloatArray) -> FloatArray:
     """Return the rotation (3, 3) about a vector (3,) by its length, rad."""
     angle = float(np.linalg.norm(vector))
-    cross = _cross(vector)
+    cross = cross_matrix(vector)
     if angle < 1e-8:
         return np.asarray(np.eye(3) + cross + 0.5 * cross @ cross)
     return np.asarray(np.eye(3) + np.sin(angle) / angle * cross + (1.0 - np.cos(angle)) / angle**2 * cross @ cross)
@@ -158,18 +158,24 @@ def _frame(normal: FloatArray, offset: FloatArray) -> FloatArray:
 
 def circle_derivatives(rims: BoardRims, pose: RigidPose) -> FloatArray:
     """Return d circle's pose (center, two tilts) / d pose of the board, (k, 5, 6)."""
-    arm = rims.centers_mm @ pose.rotation.T
-    normals = rims.normals @ pose.rotation.T
-    derivatives = np.zeros((len(rims), 5, FREE))
-    derivatives[:, :3, :3] = np.eye(3)
+    return place_derivatives(rims.centers_mm @ pose.rotation.T, rims.normals @ pose.rotation.T)
+
+
+def place_derivatives(arm: FloatArray, normals: FloatArray) -> FloatArray:
+    """Return (..., 5, 6) how a place and two tilts of a normal move with the pose of the body that they are on.
+
+    `arm` (..., 3) leads from the body's origin to the place, `normals` (..., 3) are unit; all in the camera frame.
+    """
+    derivatives = np.zeros((*arm.shape[:-1], 5, FREE))
+    derivatives[..., :3, :3] = np.eye(3)
     # d x arm = -[arm] d.
-    derivatives[:, :3, 3:] = -_cross(arm)
+    derivatives[..., :3, 3:] = -cross_matrix(arm)
     tilts = np.stack(plane_basis(normals), axis=-2)
-    derivatives[:, 3:, 3:] = -tilts @ _cross(normals)
+    derivatives[..., 3:, 3:] = -tilts @ cross_matrix(normals)
     return derivatives
 
 
-def _cross(vectors: FloatArray) -> FloatArray:
+def cross_matrix(vectors: FloatArray) -> FloatArray:
     """Return (..., 3, 3) the matrices [v] with [v] x = v x x."""
     x, y, z = np.moveaxis(np.asarray(vectors), -1, 0)
     zero = np.zeros_like(x)

@@ -136,7 +136,7 @@ def _misfits(
         apart = np.linalg.norm(own.center - places.center[circle], axis=1)
         nearest = int(np.argmin(apart))
         major, minor = float(places.semi_major[circle]), float(places.semi_minor[circle])
-        size = float(np.sqrt(major * minor))
+        size = float(places[circle].size)
         ratio = float(sizes[nearest]) / size
         is_off = apart[nearest] > max(options.visibly_off_px, options.mismatch_share * minor)
         is_off |= abs(ratio - 1.0) * size > max(options.visibly_off_px, options.visibly_larger * size)

@@ -19,6 +19,7 @@ from circlepose.boards.refinement import FoundBoard
 from circlepose.boards.scene import Scene
 from circlepose.boards.uncertainty import board_terms
 from circlepose.camera.camera import Camera
+from circlepose.flags import in_order
 from circlepose.geometry.cone import plane_basis
 from circlepose.geometry.cone_perturbation import MODES
 from circlepose.geometry.ellipse import Ellipse
@@ -196,7 +197,7 @@ def _circles(
                 chosen=0,
                 ambiguity=result.ambiguity,
                 settled_by=settled,
-                flags=tuple(flag for flag in Flag if flag in flags),
+                flags=in_order(flags),
                 status=Status.OK,
                 reason="",
             )

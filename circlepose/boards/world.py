@@ -15,7 +15,9 @@ import numpy as np
 from circlepose import _arguments
 from circlepose._typing import FloatArray
 from circlepose.board_result import BoardPose, BoardResult, BoardTerms
+from circlepose.boards.pose import cross_matrix
 from circlepose.errors import ArgumentError
+from circlepose.flags import in_order
 from circlepose.geometry.cone import plane_basis
 from circlepose.results import Candidate, CircleResult, CovarianceTerms, Flag, ImageResult, Plane
 
@@ -98,7 +100,7 @@ def _either(first: float, second: float) -> float:
 
 def _flags(own: tuple[Flag, ...], world: BoardResult) -> tuple[Flag, ...]:
     held = {*own, Flag.RELATIVE_TO_BOARD, *(flag for flag in world.flags if flag in _OF_FRAME)}
-    return tuple(flag for flag in Flag if flag in held)
+    return in_order(held)
 
 
 def _candidate(candidate: Candidate, frame: BoardPose) -> Candidate:
@@ -126,8 +128,8 @@ def _slopes(candidate: Candidate, normal: FloatArray, frame: BoardPose) -> tuple
     own[:3, :3] = back
     own[3:, 3:] = tilts @ back @ candidate.tilt_axes.T
     board[:3, :3] = -back
-    board[:3, 3:] = back @ _cross(candidate.center - frame.translation)
-    board[3:, 3:] = tilts @ back @ _cross(candidate.normal)
+    board[:3, 3:] = back @ cross_matrix(candidate.center - frame.translation)
+    board[3:, 3:] = tilts @ back @ cross_matrix(candidate.normal)
     return own, board
 
 
@@ -136,7 +138,7 @@ def _board_pose(pose: BoardPose, frame: BoardPose) -> BoardPose:
     own, board = np.zeros((6, 6)), np.zeros((6, 6))
     own[:3, :3] = own[3:, 3:] = back
     board[:3, :3] = board[3:, 3:] = -back
-    board[:3, 3:] = back @ _cross(apart)
+    board[:3, 3:] = back @ cross_matrix(apart)
     terms = BoardTerms(*_combined(pose.terms, frame.terms, own, board))
     return replace(pose, rotation=back @ pose.rotation, translation=back @ apart, covariance=terms.total, terms=terms)
 
@@ -162,8 +164,3 @@ def _combined(
         np.sum(radius, axis=0) if radius else None,
         camera_moves,
     )
-
-
-def _cross(vector: FloatArray) -> FloatArray:
-    """Return the matrix (3, 3) that takes w to `vector` x w."""
-    return np.cross(vector, np.eye(3), axisb=0, axisc=0)

@@ -27,6 +27,7 @@ from circlepose.disambiguation.observed import (
 )
 from circlepose.disambiguation.options import DEFAULT, DisambiguationOptions
 from circlepose.disambiguation.plane_search import Fits, proposed, refined, terms, weak_information
+from circlepose.flags import in_order
 from circlepose.results import Candidate, CircleResult, Flag, Plane
 
 
@@ -209,5 +210,5 @@ def _with_pose(circle: CircleResult, pose: Candidate, index: int) -> CircleResul
 
 
 def _flagged(circle: CircleResult) -> CircleResult:
-    flags = tuple(flag for flag in Flag if flag in {*circle.flags, Flag.OFF_PLANE})
+    flags = in_order({*circle.flags, Flag.OFF_PLANE})
     return replace(circle, flags=flags)

@@ -108,8 +108,8 @@ def draw_overlay(image: Image, result: ImageResult, camera: Camera) -> Image:
     for each in drawn:
         draw_center(pen, each.circle)
     # What is written is what the table has.
-    told = result if result.world is None else relative_to_world(result)
-    circles = [circle for circle in told.circles if circle.method == methods[0]]
+    reported = result if result.world is None else relative_to_world(result)
+    circles = [circle for circle in reported.circles if circle.method == methods[0]]
     drawn = [replace(each, circle=circle) for each, circle in zip(drawn, circles, strict=True)]
     targets = _by_target(drawn)
     plan = _plan_labels(pen, room, targets)

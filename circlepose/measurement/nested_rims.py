@@ -16,6 +16,7 @@ from circlepose.camera.camera import Camera
 from circlepose.detection.contour import Contour, Rejection
 from circlepose.detection.duplicates import are_confusable
 from circlepose.detection.options import DetectionOptions
+from circlepose.flags import in_order
 from circlepose.measurement.rim import Rim
 from circlepose.results import CircleResult, Failure, Flag, NestedRim
 from circlepose.solvers.registry import solve
@@ -75,7 +76,7 @@ def _with_nested(result: CircleResult, rims: tuple[NestedRim, ...], options: Det
         for other in others
     )
     flags = {*result.flags, Flag.NESTED_RIMS} if is_open else set(result.flags)
-    return replace(result, nested_rims=rims, flags=tuple(flag for flag in Flag if flag in flags))
+    return replace(result, nested_rims=rims, flags=in_order(flags))
 
 
 def _distance_mm(fit: Rim | Failure, camera: Camera, radius_mm: float) -> float | None:

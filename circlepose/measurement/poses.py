@@ -10,6 +10,7 @@ import numpy as np
 from circlepose._numerics import angle_between
 from circlepose._typing import FloatArray
 from circlepose.camera.camera import Camera
+from circlepose.flags import in_order
 from circlepose.geometry.cone import ConeKind, PrincipalFrame, principal_frame
 from circlepose.geometry.cone_perturbation import MODES
 from circlepose.geometry.measured_cone import Cone
@@ -149,7 +150,7 @@ def rim_flags(rim: Rim, frame: PrincipalFrame, options: MeasurementOptions = DEF
 def with_doubt(results: Sequence[CircleResult], usual_score: float) -> list[CircleResult]:
     """Flag the results whose contour has a score below the usual least one."""
     return [
-        replace(each, flags=tuple(flag for flag in Flag if flag in {*each.flags, Flag.DOUBTFUL}))
+        replace(each, flags=in_order({*each.flags, Flag.DOUBTFUL}))
         if each.score is not None and each.score < usual_score
         else each
         for each in results

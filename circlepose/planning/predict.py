@@ -17,16 +17,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from circlepose._numerics import angle_between
 from circlepose._typing import FloatArray, Image
-from circlepose.board_result import BoardPose, BoardResult
+from circlepose.board_result import BoardResult
+from circlepose.boards.pose import place_derivatives
 from circlepose.camera.camera import Camera, circle_points
-from circlepose.geometry.cone import plane_basis
+from circlepose.flags import in_order
 from circlepose.pipeline import estimate
 from circlepose.planning.views import USUAL, Look, PlacedTarget, View, picture_of, placed
-from circlepose.results import Candidate, CircleResult, Flag, ImageResult, Status
+from circlepose.results import CircleResult, CovarianceTerms, Flag, ImageResult, Status
 from circlepose.synthesis.render import render_float
 from circlepose.synthesis.texture import add_noise
 from circlepose.targets.target import Target
+from circlepose.uncertainty.systematic import shares
 
 PAIRS = 2
 """Pairs of pictures; with one, what is reported of small discs scatters by a few percent."""
@@ -159,7 +162,7 @@ def _of_circle(circle: CircleResult, every: Sequence[CircleResult], place: Place
     best = circle.candidates[true]
     return PosePrediction(
         best.covariance,
-        _shares(best),
+        None if best.covariance is None else _shares(best.covariance_terms or CovarianceTerms(best.covariance)),
         None,
         _excess(every, true),
         _apart_deg(normals),
@@ -174,19 +177,15 @@ def _of_board(board: BoardResult, every: Sequence[CircleResult], place: PlacedTa
     own = part.rotation[:, 2]  # type: ignore[union-attr]
     true = int(np.argmax(normals @ own))
     best = board.candidates[true]
-    middle = best.rotation.T @ (place.middle - best.translation)
-    chain = _to_middle(best, middle, place.normal)
-    covariance = chain @ best.covariance @ chain.T
-    at_middle = chain[:3]
-    position = float(np.trace(covariance[:3, :3]))
-    camera, radius = (
-        0.0 if term is None else float(np.trace(at_middle @ term @ at_middle.T)) / position
-        for term in (best.terms.camera, best.terms.radius)
+    chain = place_derivatives(place.middle - best.translation, place.normal)
+    terms = CovarianceTerms(
+        chain @ best.terms.image @ chain.T,
+        *(None if term is None else chain @ term @ chain.T for term in (best.terms.camera, best.terms.radius)),
     )
     roll = float(place.normal @ best.covariance[3:, 3:] @ place.normal)
     return PosePrediction(
-        covariance,
-        (camera, radius),
+        terms.total,
+        _shares(terms),
         math.degrees(math.sqrt(max(roll, 0.0))),
         _excess(every, true),
         _apart_deg(normals),
@@ -194,28 +193,10 @@ def _of_board(board: BoardResult, every: Sequence[CircleResult], place: PlacedTa
     )
 
 
-def _to_middle(pose: BoardPose, middle: FloatArray, normal: FloatArray) -> FloatArray:
-    """Return how the middle and the tilts of the normal (5) move with a board's pose (6)."""
-    arm = pose.rotation @ middle
-    chain = np.zeros((5, 6))
-    chain[:3, :3] = np.eye(3)
-    # w x arm, and w x normal along the tilts.
-    chain[:3, 3:] = -np.cross(arm, np.eye(3), axisb=0, axisc=0)
-    chain[3:, 3:] = -np.stack(plane_basis(normal)) @ np.cross(normal, np.eye(3), axisb=0, axisc=0)
-    return chain
-
-
-def _shares(candidate: Candidate) -> tuple[float, float] | None:
-    if candidate.covariance is None:
-        return None
-    terms = candidate.covariance_terms
-    if terms is None:
-        return 0.0, 0.0
-    position = float(np.trace(terms.total[:3, :3]))
-    camera, radius = (
-        0.0 if term is None else float(np.trace(term[:3, :3])) / position for term in (terms.camera, terms.radius)
-    )
-    return camera, radius
+def _shares(terms: CovarianceTerms) -> tuple[float, float]:
+    """Return the shares of the camera's and of the radius' term in the variance of the position."""
+    of_position = {name: position for name, (position, _) in shares(terms).items()}
+    return of_position["camera"], of_position["radius"]
 
 
 def _excess(circles: Sequence[CircleResult], true: int) -> float | None:
@@ -243,7 +224,7 @@ def _misfit(circle: CircleResult, number: int) -> float:
 def _apart_deg(normals: FloatArray) -> float:
     if len(normals) < 2:
         return 0.0
-    return math.degrees(2.0 * math.asin(min(1.0, 0.5 * float(np.linalg.norm(normals[0] - normals[1])))))
+    return math.degrees(float(angle_between(normals[0], normals[1])))
 
 
 def _major_px(place: PlacedTarget, camera: Camera) -> float | None:
@@ -279,7 +260,7 @@ def _expected(
         radius_share=radius,
         wrong=_chance_of_wrong(excess) if excess else None,
         apart_deg=float(np.mean([pose.apart_deg for pose in poses])) if poses else None,
-        flags=tuple(flag for flag in Flag if flag in flags),
+        flags=in_order(flags),
     )
 
 

@@ -18,6 +18,7 @@ _RADII_PX = (6.0, 8.0, 11.0, 15.0, 21.0, 30.0)
 """Radii, in the image at the farthest distance, that are tried; smaller ones are hardly found when tilted."""
 _SPACINGS = (3.0, 3.5, 4.0)
 """Distances of neighbors, in radii, that are tried; closer ones are found less often, see the page on printing."""
+MOST_PROPOSALS = len(_RADII_PX) * len(_SPACINGS)
 _TILT_DEG = 35.0
 _LEAST, _MOST = 4, 600
 """Circles of a board: with fewer it is hardly placed where some are hidden, with more it takes long."""

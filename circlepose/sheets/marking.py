@@ -35,5 +35,5 @@ def with_roll_settled(layout: BoardLayout) -> BoardLayout:
 
 
 def is_roll_ambiguous(layout: BoardLayout) -> bool:
-    """Whether a turn maps the layout on itself, so that no image tells which way up it is."""
+    """Whether a turn maps the layout on itself, so that no image shows which way up it is."""
     return len(symmetries(layout)) > 1

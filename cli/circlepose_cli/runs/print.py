@@ -16,8 +16,6 @@ from circlepose_cli.options.requests import PrintRequest
 
 _FURNITURE_MM = (36.0, 72.0)
 """Width and height of a page beside the circles: margins, bars, small print and code."""
-MOST_PROPOSALS = 18
-"""of `planning.suggest`, for the bar"""
 
 
 def run(request: PrintRequest) -> int:
@@ -49,7 +47,7 @@ def _printed(request: PrintRequest, options: PrintOptions) -> Printed:
 
 def _suggested(request: PrintRequest, options: PrintOptions) -> Printed:
     """Print the board that is predicted to measure best, and say why."""
-    from circlepose.planning.suggest import best_of, proposals, why  # noqa: PLC0415 - few ask for it
+    from circlepose.planning.suggest import MOST_PROPOSALS, best_of, proposals, why  # noqa: PLC0415 - few ask for it
 
     if request.target is not None:
         raise UsageError("TARGET.yaml, --suggest: give one of them.")
